@@ -1,0 +1,4 @@
+"""rockerbogie."""
+from .rover import Rover, Link
+from .terrain import Terrain
+from .frames import wheel_frames

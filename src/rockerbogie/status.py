@@ -1,0 +1,42 @@
+"""What became of each pose. Hard ground never raises; it says here what happened."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class Status(IntEnum):
+    """One code a pose (uint8). `MEANING` says what each is and what to do about it."""
+
+    CONVERGED = 0
+    OFF_MAP = 1
+    NO_DATA = 2
+    JOINT_STOP = 3
+    NOT_CONVERGED = 4
+    WHEEL_LIFTED = 5
+    BELLY_CONTACT = 6
+    TIPPED = 7
+
+
+MEANING: dict[Status, tuple[str, str]] = {
+    Status.CONVERGED: ("settled: all six wheels touch, every joint within its stops", "use it"),
+    Status.OFF_MAP: ("part of a tread lies off the map: the pose is nan", "move the place inward or load more ground"),
+    Status.NO_DATA: (
+        "part of a tread lies over unknown ground (nan): the pose is nan",
+        "fill the hole before loading, or leave the place out",
+    ),
+    Status.JOINT_STOP: (
+        "contact mode: six wheels touch only with a joint beyond its stop; equilibrium: at rest with a joint on its stop",
+        "ask mode='equilibrium' which wheel lifts; or widen the rover's stops",
+    ),
+    Status.NOT_CONVERGED: (
+        "no pose was found whose six gaps are zero: the pose is nan",
+        "the ground is too steep for this linkage here; try mode='equilibrium'",
+    ),
+    Status.WHEEL_LIFTED: ("equilibrium: at rest with a wheel in the air", "see wheel_lifted for which"),
+    Status.BELLY_CONTACT: (
+        "the body's box reaches into the ground (contact mode) or rests on it (equilibrium)",
+        "the rover is high-centred: choose another place",
+    ),
+    Status.TIPPED: ("no rest was found right side up: the pose is nan", "the ground tips this rover over"),
+}
