@@ -1,4 +1,86 @@
-"""rockerbogie."""
-from .rover import Rover, Link
-from .terrain import Terrain
-from .frames import wheel_frames
+"""How a six-wheeled rocker-bogie rover sits, tilts, rolls and slips on a piece of ground.
+
+Everything public is here: `import rockerbogie as rb`. A name loads its module when it is first used, so that the
+import itself costs next to nothing.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from .errors import PathError as PathError
+    from .errors import RockerbogieError as RockerbogieError
+    from .errors import RoverError as RoverError
+    from .errors import TerrainError as TerrainError
+    from .frames import body_transform as body_transform
+    from .frames import contact_frames as contact_frames
+    from .frames import dh_table as dh_table
+    from .frames import wheel_frames as wheel_frames
+    from .rover import Link as Link
+    from .rover import Rover as Rover
+    from .status import Status as Status
+    from .terrain import Terrain as Terrain
+
+#: Public name -> the module that holds it; none where the name is a module itself.
+_EXPORTS = {
+    "RockerbogieError": "errors",
+    "RoverError": "errors",
+    "TerrainError": "errors",
+    "PathError": "errors",
+    "Status": "status",
+    "Rover": "rover",
+    "Link": "rover",
+    "load_rover": "formats",
+    "to_urdf": "formats",
+    "to_sdf": "formats",
+    "wheel_frames": "frames",
+    "contact_frames": "frames",
+    "body_transform": "frames",
+    "dh_table": "frames",
+    "Terrain": "terrain",
+    "surfaces": "",
+    "Path": "path",
+    "settle": "settle",
+    "Pose": "pose",
+    "wheel_jacobians": "jacobian",
+    "JACOBIAN_COLUMNS": "jacobian",
+    "body_twist": "jacobian",
+    "wheel_commands": "jacobian",
+    "wheel_slip": "jacobian",
+    "drive": "drive",
+    "to_mjcf": "mjcf",
+    "simulate": "simulate",
+    "compare": "simulate",
+}
+
+__all__ = ["__version__", *_EXPORTS]  # noqa: PLE0604
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _EXPORTS:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    holder = _EXPORTS[name]
+    module = import_module(f".{holder or name}", __name__)
+    value = globals()[name] = getattr(module, name) if holder else module
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_EXPORTS})
+
+
+class _Package(ModuleType):
+    """Keeps `rb.settle` the function: importing the submodule `settle` would otherwise bind its module there."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not (isinstance(value, ModuleType) and name in _EXPORTS):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package
