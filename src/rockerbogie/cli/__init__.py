@@ -1,0 +1,76 @@
+"""The command line: `rockerbogie COMMAND …`.
+
+To add a command, write a module here (`cli/thing.py`) holding one typed function whose docstring is its help, and give
+it a line in `COMMANDS`: name → (module:function, one line for the list of commands). The module is imported only when
+its command runs, so it may import what it likes at its top, and `rockerbogie --help` stays quick. A module with
+sub-commands gives a `cyclopts.App(name="thing")` in place of the function. Rules for all of them:
+
+- SI and radians stop here: options and printed text are in degrees, and say so.
+- Bad input raises a `RockerbogieError` whose message is one clear sentence; `main` prints it and exits 2.
+- Long work shows `cli.common.progress(...)`: on stderr, and only where someone is watching.
+- Results a machine may want have `--json`; print them with `cli.common.print_json`.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+COMMANDS: dict[str, tuple[str, str]] = {
+    "reproduce": ("rockerbogie.cli.reproduce:reproduce", "Reproduce section III of the paper: figures, data, animation, report."),
+    "settle": ("rockerbogie.cli.settle:settle", "Let a rover settle at one place, and show how it sits there."),
+    "drive": ("rockerbogie.cli.drive:drive", "Drive a rover along a path, and show what it goes through."),
+    "simulate": ("rockerbogie.cli.drive:simulate", "The same drive in MuJoCo's rigid-body dynamics, compared with ours."),
+}
+
+EXIT_BAD_INPUT = 2
+EXIT_INTERRUPTED = 130
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line and give its exit code: 0 done, 2 bad input (one sentence on stderr), 130 interrupted."""
+    try:
+        return _run(sys.argv[1:] if argv is None else list(argv))
+    except KeyboardInterrupt:
+        print("\ninterrupted", file=sys.stderr)
+        return EXIT_INTERRUPTED
+    except BrokenPipeError:  # the reader of our output has left: nothing more to say to it
+        sys.stderr.close()
+        return 0
+
+
+def _run(argv: list[str]) -> int:
+    import cyclopts
+
+    from ..errors import RockerbogieError
+
+    app = cyclopts.App(
+        name="rockerbogie",
+        help="How a rocker-bogie rover sits, tilts and drives on a piece of ground.",
+        version=_version,
+        version_flags=["--version"],
+        help_format="markdown",
+        suppress_keyboard_interrupt=False,
+    )
+    for name, (target, summary) in COMMANDS.items():
+        app.command(target, name=name, help=summary)
+    try:
+        result = app(argv, exit_on_error=False, print_error=False, result_action="return_value")
+    except cyclopts.CycloptsError as error:
+        return _complain(str(error))
+    except RockerbogieError as error:
+        return _complain(str(error))
+    except OSError as error:
+        return _complain(f"{error.filename}: {error.strerror}" if error.filename else str(error))
+    return result if isinstance(result, int) else 0
+
+
+def _complain(sentence: str) -> int:
+    print(f"rockerbogie: {' '.join(sentence.split())}", file=sys.stderr)
+    return EXIT_BAD_INPUT
+
+
+def _version() -> str:
+    from importlib.metadata import version
+
+    return version("rockerbogie")

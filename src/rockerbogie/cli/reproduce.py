@@ -1,0 +1,3 @@
+def reproduce() -> int:
+    """TODO"""
+    return 0

@@ -1,0 +1,3 @@
+def settle() -> int:
+    """TODO"""
+    return 0
