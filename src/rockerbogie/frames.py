@@ -155,7 +155,9 @@ def dh_table(rover: Rover) -> list[DHRow]:
         arm = rover.bogie_pivot[s] - rover.rocker_pivot[s]
         tilt.append(float(np.arctan2(-arm[2], arm[0])))
         rows.append(
-            DHRow(f"B{s + 1}", "D", tilt[s], f"rocker_{side}", float(rover.bogie_pivot[s, 1]), float(np.hypot(arm[0], arm[2])), 0.0)
+            DHRow(
+                f"B{s + 1}", "D", tilt[s], f"rocker_{side}", float(rover.bogie_pivot[s, 1]), float(np.hypot(arm[0], arm[2])), 0.0
+            )
         )
     steer, axle = [], []
     for i in range(6):
@@ -166,7 +168,15 @@ def dh_table(rover: Rover) -> list[DHRow]:
         joint = f"bogie_{side}" if on_bogie else f"rocker_{side}"
         across = float(post[1]) if on_bogie else float(origin[1] + post[1])
         steer.append(
-            DHRow(f"S{i + 1}", f"B{s + 1}" if on_bogie else "D", -tilt[s] if on_bogie else 0.0, joint, across, float(post[0]), np.pi / 2)
+            DHRow(
+                f"S{i + 1}",
+                f"B{s + 1}" if on_bogie else "D",
+                -tilt[s] if on_bogie else 0.0,
+                joint,
+                across,
+                float(post[0]),
+                np.pi / 2,
+            )
         )
         back = -rover.steering_offset[i]
         turn = float(np.arctan2(back[1], back[0])) if back.any() else 0.0

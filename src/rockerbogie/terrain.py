@@ -62,7 +62,9 @@ class Terrain:
             raise TerrainError(f"interpolation {interpolation!r} is not known; give 'cubic' or 'linear'")
         least = 4 if interpolation == "cubic" else 2
         if heights.ndim != 2 or min(heights.shape) < least:
-            raise TerrainError(f"heights have shape {heights.shape}; {interpolation} ground needs (rows, cols) of at least {least} each")
+            raise TerrainError(
+                f"heights have shape {heights.shape}; {interpolation} ground needs (rows, cols) of at least {least} each"
+            )
         if not (np.isfinite(step).all() and (step > 0).all()):
             raise TerrainError(f"spacing is {spacing}; give one finite step above 0, or two (dx, dy), in metres")
         if corner.shape != (2,) or not np.isfinite(corner).all():
@@ -86,7 +88,12 @@ class Terrain:
 
     @classmethod
     def from_raster(
-        cls, path: str | Path, *, band: int = 1, interpolation: Interpolation = "cubic", window: tuple[float, float, float, float] | None = None
+        cls,
+        path: str | Path,
+        *,
+        band: int = 1,
+        interpolation: Interpolation = "cubic",
+        window: tuple[float, float, float, float] | None = None,
     ) -> Terrain:
         """Ground from a GeoTIFF or any raster GDAL reads: CRS kept, nodata to nan, rows flipped so that north is +y.
 
@@ -113,12 +120,12 @@ class Terrain:
     @property
     def x(self) -> Array:
         """(cols,) of the nodes, m."""
-        return self.origin[0] + self.spacing[0] * np.arange(self.z.shape[1])
+        return self.origin[0] + self.spacing[0] * np.arange(self.z.shape[1], dtype=float)
 
     @property
     def y(self) -> Array:
         """(rows,) of the nodes, m."""
-        return self.origin[1] + self.spacing[1] * np.arange(self.z.shape[0])
+        return self.origin[1] + self.spacing[1] * np.arange(self.z.shape[0], dtype=float)
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Height (...) at (x, y), m; nan off the map and where the ground is not known."""
@@ -133,7 +140,7 @@ class Terrain:
         slope = self.gradient(x, y)
         n = np.concatenate([-slope, np.ones((*slope.shape[:-1], 1))], axis=-1)
         n[np.isnan(slope).any(axis=-1)] = np.nan
-        return n / np.linalg.norm(n, axis=-1, keepdims=True)
+        return np.asarray(n / np.linalg.norm(n, axis=-1, keepdims=True))
 
     def _surface(self, x: ArrayLike, y: ArrayLike) -> Array:
         px, py = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))

@@ -12,17 +12,17 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 def njit(function: F) -> F:
     """Compile a scalar kernel."""
-    return numba.njit(cache=True, error_model="numpy")(function)  # type: ignore[no-any-return]
+    return numba.njit(cache=True, error_model="numpy")(function)
 
 
 def inlined(function: F) -> F:
     """Compile a kernel that is copied into its caller."""
-    return numba.njit(cache=True, error_model="numpy", inline="always")(function)  # type: ignore[no-any-return]
+    return numba.njit(cache=True, error_model="numpy", inline="always")(function)
 
 
 def pnjit(function: F) -> F:
     """Compile a parallel loop over a batch."""
-    return numba.njit(cache=True, error_model="numpy", parallel=True)(function)  # type: ignore[no-any-return]
+    return numba.njit(cache=True, error_model="numpy", parallel=True)(function)
 
 
 prange = numba.prange
