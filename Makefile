@@ -1,0 +1,46 @@
+# Every target makes .venv and installs what it needs on its first run. `make PYTHON=python3.12 test` picks another Python.
+PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3 python; do \
+  $$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
+OUT ?= out/reproduce
+BIN := .venv/bin
+
+.PHONY: reproduce test check bench docs clean
+
+reproduce: .venv/run.stamp  ## the paper's section III: figures, data and report in $(OUT)
+	$(BIN)/rockerbogie reproduce -o $(OUT)
+
+test: .venv/dev.stamp  ## all tests, then those marked nojit again in plain Python
+	$(BIN)/python -m pytest
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -m nojit
+
+check: .venv/dev.stamp  ## lint, format, strict types, layers
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo
+
+bench: .venv/run.stamp  ## speed, as ratios to the baselines timed in the same run
+	$(BIN)/rockerbogie bench
+
+docs: .venv/docs.stamp  ## the documentation, into docs/_build/html
+	$(BIN)/python -m sphinx -W -q -b html docs docs/_build/html
+	@echo "docs/_build/html/index.html"
+
+clean:  ## what the other targets made
+	rm -rf .venv out docs/_build
+
+.venv/pyvenv.cfg:
+	@test -n "$(PYTHON)" || { echo "rockerbogie needs Python 3.11 or newer: none was found; name one with PYTHON=..." >&2; exit 1; }
+	$(PYTHON) -m venv .venv
+
+.venv/run.stamp: pyproject.toml .venv/pyvenv.cfg
+	$(BIN)/python -m pip install -q -e .
+	@touch $@
+
+.venv/dev.stamp: pyproject.toml .venv/pyvenv.cfg
+	$(BIN)/python -m pip install -q -e '.[dev]'
+	@touch $@ .venv/run.stamp
+
+.venv/docs.stamp: pyproject.toml .venv/pyvenv.cfg
+	$(BIN)/python -m pip install -q -e '.[docs]'
+	@touch $@ .venv/run.stamp
