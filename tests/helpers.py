@@ -35,7 +35,7 @@ def paper_rover() -> rb.Rover:
 
 
 def random_rover(rng: np.random.Generator, *, bogie_ahead: bool | None = None) -> rb.Rover:
-    """A rover nobody built: any size, unequal tracks, steering axes beside the hubs, bogie ahead or behind, wide or thin wheels."""
+    """A rover nobody built: any size, unequal tracks, steering axes beside the hubs, bogie ahead or behind, any wheels."""
     ahead = bool(rng.integers(2)) if bogie_ahead is None else bogie_ahead
     size = np.exp(rng.uniform(np.log(0.2), np.log(2.0)))
     forward = 1.0 if ahead else -1.0
