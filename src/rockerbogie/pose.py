@@ -1,3 +1,152 @@
 """A settled pose, or a million of them: what was solved for, and what follows from it when asked."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._kernels import batch
+from .frames import body_transform
+from .rover import Rover
+from .terrain import Terrain
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+#: A tread point within this of the ground touches it, m.
+TOUCHING = 1e-6
+
+
+class Contacts(NamedTuple):
+    """How the wheels touch: gap, angle (..., 6), point, normal (..., 6, 3), count (..., 6)."""
+
+    gap: Array
+    angle: Array
+    point: Array
+    normal: Array
+    count: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """Where the rover came to stand; every field has the batch axes (...) in front. Failed poses are nan, status says why.
+
+    Contacts are worked out when first asked for, not carried along.
+    """
+
+    rover: Rover
+    terrain: Terrain
+    x: Array  # (...) m
+    y: Array  # (...) m
+    yaw: Array  # (...) rad
+    steering: Array  # (..., 6) rad
+    q: Array  # (..., 6) z, roll, pitch, rocker, bogie left, bogie right
+    status: NDArray[np.uint8]  # (...) rockerbogie.Status
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The batch axes."""
+        return self.status.shape
+
+    @property
+    def z(self) -> Array:
+        """(...) height of the body's reference point, m."""
+        return self.q[..., 0]
+
+    @property
+    def roll(self) -> Array:
+        """(...) rad."""
+        return self.q[..., 1]
+
+    @property
+    def pitch(self) -> Array:
+        """(...) nose down positive, rad."""
+        return self.q[..., 2]
+
+    @property
+    def rocker(self) -> Array:
+        """(...) left rocker angle, nose down positive, rad; the right one is `rover.right_rocker(rocker)`."""
+        return self.q[..., 3]
+
+    @property
+    def bogie(self) -> Array:
+        """(..., 2) left, right bogie angle to its rocker, rad."""
+        return self.q[..., 4:]
+
+    @property
+    def tilt(self) -> Array:
+        """(...) angle between the body's z and the vertical, rad."""
+        return np.arccos(np.clip(np.cos(self.roll) * np.cos(self.pitch), -1, 1))
+
+    @property
+    def T_world_body(self) -> Array:
+        """(..., 4, 4) body to world (eq. 10)."""
+        return body_transform(self.x, self.y, self.z, self.roll, self.pitch, self.yaw)
+
+    @cached_property
+    def contacts(self) -> Contacts:
+        """How every wheel touches, over its whole tread."""
+        n = self.status.size
+        gap, angle, point, normal = (np.empty((n, 6, *tail)) for tail in ((), (), (3,), (3,)))
+        count = np.empty((n, 6), dtype=np.int64)
+        batch.touch_batch(
+            self.terrain.grid, self.terrain.meta, self.rover.packed, *self._flat_places(), self._flat_steering(),
+            np.ascontiguousarray(self.q.reshape(n, 6)), TOUCHING, gap, angle, point, normal, count,
+        )  # fmt: skip
+        return Contacts(*(a.reshape(*self.shape, *a.shape[1:]) for a in (gap, angle, point, normal, count)))  # type: ignore[arg-type]
+
+    @property
+    def gap(self) -> Array:
+        """(..., 6) least height of each tread over the ground, m."""
+        return self.contacts.gap
+
+    @property
+    def contact_angle(self) -> Array:
+        """(..., 6) δ of eq. 5: where on its rim each wheel touches, ahead of the axle negative, rad."""
+        return self.contacts.angle
+
+    @property
+    def contact_point(self) -> Array:
+        """(..., 6, 3) in the world, m. Where a whole width touches, its middle."""
+        return self.contacts.point
+
+    @property
+    def contact_normal(self) -> Array:
+        """(..., 6, 3) unit normal at the contact, from the ground into the wheel: on an edge or a peak, the tread's own."""
+        return self.contacts.normal
+
+    @property
+    def contact_count(self) -> NDArray[np.int64]:
+        """(..., 6) how many separate places of each tread touch (two when it bridges a gap between rocks)."""
+        return self.contacts.count
+
+    @cached_property
+    def clearance(self) -> Array:
+        """(...) least height of the body's box over the ground, at stations half a cell apart, m; nan past the map's rim."""
+        n = self.status.size
+        out = np.empty(n)
+        batch.clearance_batch(
+            self.terrain.grid, self.terrain.meta, self.rover.packed, *self._flat_places(), np.ascontiguousarray(self.q.reshape(n, 6)), out
+        )
+        return out.reshape(self.shape)
+
+    def _flat_places(self) -> tuple[Array, Array, Array]:
+        return self.x.ravel(), self.y.ravel(), self.yaw.ravel()
+
+    def _flat_steering(self) -> Array:
+        """(n, 6), or (1, 6) where one steering serves all."""
+        if self.status.size and all(step == 0 for step in self.steering.strides[:-1]):
+            return np.ascontiguousarray(self.steering[(0,) * (self.steering.ndim - 1)]).reshape(1, 6)
+        return np.ascontiguousarray(self.steering.reshape(-1, 6))
+
+    def to_xarray(self) -> xr.Dataset:
+        """A Dataset with the batch axes as dims `pose` (one axis) or `pose_0`, `pose_1`, …, units and long names in attrs."""
+        from .dataset import pose_dataset
+
+        return pose_dataset(self)

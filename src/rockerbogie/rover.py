@@ -7,12 +7,14 @@ Wheels are in the paper's order: rocker wheel left, right; middle left, right; t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ._kernels import linkage
 from .errors import RoverError
 
 Array = NDArray[np.float64]
@@ -55,7 +57,6 @@ class Rover:
     wheels: tuple[Link, ...]
     wheel_names: tuple[str, ...]
     source: str = ""
-    _packed: list[Array] = field(default_factory=list, repr=False)
 
     # -- construction ---------------------------------------------------------------------------------------------
 
@@ -201,7 +202,7 @@ class Rover:
 
     def replace(self, **changes: Any) -> Rover:
         """A copy with some fields changed (already in full shape), validated again."""
-        rover = replace(self, _packed=[], **changes)
+        rover = replace(self, **changes)
         _validate(rover)
         return rover
 
@@ -221,6 +222,32 @@ class Rover:
     def wheelbase(self) -> float:
         """Fore-aft distance between the outermost hubs at rest, m."""
         return float(np.ptp(self.hubs[:, 0]))
+
+    @cached_property
+    def packed(self) -> Array:
+        """All that a kernel reads of the rover, in one flat array (`_kernels.linkage.P_*`)."""
+        parent = np.concatenate([self.rocker_pivot, self.bogie_pivot, self.bogie_pivot])
+        p = np.zeros(linkage.P_SIZE)
+
+        def put(at: int, values: ArrayLike) -> None:
+            flat = np.asarray(values, dtype=float).ravel()
+            p[at : at + flat.size] = flat
+
+        put(linkage.P_PIVOT, self.rocker_pivot)
+        put(linkage.P_KNEE, self.bogie_pivot - self.rocker_pivot)
+        put(linkage.P_HUB, self.hubs - parent)
+        put(linkage.P_OFFSET, self.steering_offset)
+        put(linkage.P_RADIUS, self.wheel_radius)
+        put(linkage.P_HALF, self.wheel_width / 2)
+        put(linkage.P_STOPS, [*self.rocker_limits, *self.bogie_limits])
+        put(linkage.P_BOX, self.body_box)
+        put(linkage.P_BODY, [self.body.mass, *self.body.com])
+        put(linkage.P_ROCKER, [[k.mass, *(k.com - o)] for k, o in zip(self.rockers, self.rocker_pivot, strict=True)])
+        put(linkage.P_BOGIE, [[k.mass, *(k.com - o)] for k, o in zip(self.bogies, self.bogie_pivot, strict=True)])
+        put(linkage.P_WHEEL, [[k.mass, *(k.com - o)] for k, o in zip(self.wheels, self.hubs, strict=True)])
+        put(linkage.P_ORDER, len(self.differential))
+        put(linkage.P_DIFF, self.differential)
+        return p
 
     def right_rocker(self, rocker: ArrayLike) -> Array:
         """Angle (...) of the right rocker for the left one's, through the differential, rad."""
