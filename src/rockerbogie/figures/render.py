@@ -1,0 +1,211 @@
+"""A small picture maker: triangles, a camera, one sun with its shadow. Needs no graphics card and no display.
+
+Matplotlib's own 3-D axes sort whole polygons, which cannot show a wheel standing in a hollow; here every pixel knows
+what is nearest to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .._kernels.jit import njit
+
+Array = NDArray[np.float64]
+
+AMBIENT, FILL, SUN = 0.42, 0.16, 0.62  # light from the sky, from behind the viewer, from the sun
+SUN_PIXELS = 1500
+SHADOW_BIAS = 0.004  # of the scene's size: less makes surfaces shade themselves, more lets shadows float
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles: corners (n, 3, 3) in m, normals (n, 3, 3) at the corners, colours (n, 3) from 0 to 1.
+
+    `ruled` (n,) is true where lines of the ground's grid are drawn on it.
+    """
+
+    corners: Array
+    normals: Array
+    colours: Array
+    ruled: NDArray[np.bool_]
+
+    @classmethod
+    def flat(cls, corners: ArrayLike, colour: ArrayLike) -> Mesh:
+        """Triangles (n, 3, 3) with one normal each; colour (3,) or (n, 3)."""
+        c = np.asarray(corners, dtype=float)
+        normal = np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+        return cls.smooth(c, np.repeat(normal[:, None], 3, axis=1), colour)
+
+    @classmethod
+    def smooth(cls, corners: Array, normals: Array, colour: ArrayLike, *, ruled: bool = False) -> Mesh:
+        """Triangles (n, 3, 3) with a normal at each corner (n, 3, 3)."""
+        colours = np.broadcast_to(np.asarray(colour, dtype=float), (len(corners), 3))
+        return cls(corners, normals, np.array(colours), np.full(len(corners), ruled))
+
+    @classmethod
+    def join(cls, meshes: Sequence[Mesh]) -> Mesh:
+        """One mesh of several."""
+        parts = [[getattr(m, name) for m in meshes] for name in ("corners", "normals", "colours", "ruled")]
+        return cls(*(np.concatenate(p) for p in parts))
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Looks along `axes[2]` from `eye`; `axes` rows are right, down, forward. Pixels = scale · image plane + shift."""
+
+    eye: Array
+    axes: Array
+    scale: float
+    shift: Array
+    perspective: bool
+    size: tuple[int, int]  # width, height, px
+
+    @classmethod
+    def framing(
+        cls,
+        points: ArrayLike,
+        azimuth: float,
+        elevation: float,
+        size: tuple[int, int],
+        *,
+        margin: tuple[float, float, float, float] = (0.03, 0.03, 0.03, 0.03),
+        perspective: bool = True,
+    ) -> Camera:
+        """A camera that sees all points (n, 3), standing towards azimuth (from x, anticlockwise) and elevation, rad.
+
+        `margin` is the share of the picture kept free: left, right, top, bottom.
+        """
+        p = np.asarray(points, dtype=float).reshape(-1, 3)
+        centre = (p.max(axis=0) + p.min(axis=0)) / 2
+        back = np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
+        right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+        axes = np.stack([right, np.cross(-back, right), -back])
+        radius = float(np.linalg.norm(p - centre, axis=1).max())
+        loose = cls(centre + 5.5 * radius * back, axes, 1.0, np.zeros(2), perspective, size)
+        plane = loose.project(p)[:, :2]
+        low, high = plane.min(axis=0), plane.max(axis=0)
+        room = np.array([size[0] * (1 - margin[0] - margin[1]), size[1] * (1 - margin[2] - margin[3])])
+        scale = float((room / np.maximum(high - low, 1e-12)).min())
+        middle = np.array([size[0] * (1 + margin[0] - margin[1]), size[1] * (1 + margin[2] - margin[3])]) / 2
+        return cls(loose.eye, axes, scale, middle - scale * (low + high) / 2, perspective, size)
+
+    def project(self, points: ArrayLike) -> Array:
+        """(..., 3) of points (..., 3): pixels right and down, and nearness, linear over the picture."""
+        p = (np.asarray(points, dtype=float) - self.eye) @ self.axes.T
+        depth = p[..., 2:]
+        near = 1 / depth if self.perspective else -depth
+        plane = p[..., :2] * near if self.perspective else p[..., :2]
+        return np.concatenate([plane * self.scale + self.shift, near], axis=-1)
+
+    def enlarged(self, factor: int) -> Camera:
+        """The same view in more pixels."""
+        size = (self.size[0] * factor, self.size[1] * factor)
+        return Camera(self.eye, self.axes, self.scale * factor, self.shift * factor, self.perspective, size)
+
+
+def render(mesh: Mesh, camera: Camera, *, sun: tuple[float, float], grid: float = 0.0, finer: int = 2) -> Array:
+    """The picture (height, width, 4), from 0 to 1, transparent where nothing is.
+
+    Args:
+        sun: azimuth and elevation of the light, rad.
+        grid: spacing of the lines ruled on the ground, m; 0 draws none.
+        finer: render this many times finer and average, against jagged edges.
+    """
+    fine = camera.enlarged(finer)
+    index, _ = _visible(mesh, fine)
+    light = Camera.framing(mesh.corners, *sun, (SUN_PIXELS, SUN_PIXELS), perspective=False)
+    _, shadow = _visible(mesh, light)
+    extent = float(np.ptp(mesh.corners.reshape(-1, 3), axis=0).max())
+    image = np.zeros((fine.size[1], fine.size[0], 4))
+    _shade(
+        index, fine.project(mesh.corners), mesh.corners, mesh.normals, mesh.colours, mesh.ruled, fine.eye,
+        -light.axes[2], shadow, light.axes, light.eye, light.scale, light.shift,
+        SHADOW_BIAS * extent, grid, 0.5 * finer / fine.scale * float(np.linalg.norm(mesh.corners[0, 0] - fine.eye)), image,
+    )  # fmt: skip
+    image = image.reshape(camera.size[1], finer, camera.size[0], finer, 4).mean(axis=(1, 3))
+    alpha = image[..., 3:]
+    image[..., :3] = np.where(alpha > 0, image[..., :3] / np.maximum(alpha, 1e-12), 1.0)
+    return image
+
+
+def _visible(mesh: Mesh, camera: Camera) -> tuple[NDArray[np.int32], Array]:
+    """Which triangle each pixel sees (-1 none), and its nearness."""
+    index = np.full((camera.size[1], camera.size[0]), -1, dtype=np.int32)
+    near = np.full(index.shape, -np.inf)
+    _rasterise(camera.project(mesh.corners), index, near)
+    return index, near
+
+
+@njit
+def _rasterise(tri, index, near):  # type: ignore[no-untyped-def]
+    height, width = index.shape
+    for t in range(tri.shape[0]):
+        u0, v0, n0 = tri[t, 0]
+        u1, v1, n1 = tri[t, 1]
+        u2, v2, n2 = tri[t, 2]
+        area = (u1 - u0) * (v2 - v0) - (u2 - u0) * (v1 - v0)
+        if area == 0.0:
+            continue
+        for row in range(max(0, int(np.ceil(min(v0, v1, v2) - 0.5))), min(height - 1, int(np.floor(max(v0, v1, v2) - 0.5))) + 1):
+            v = row + 0.5
+            for col in range(max(0, int(np.ceil(min(u0, u1, u2) - 0.5))), min(width - 1, int(np.floor(max(u0, u1, u2) - 0.5))) + 1):
+                u = col + 0.5
+                b1 = ((u - u0) * (v2 - v0) - (u2 - u0) * (v - v0)) / area
+                b2 = ((u1 - u0) * (v - v0) - (u - u0) * (v1 - v0)) / area
+                if b1 < 0.0 or b2 < 0.0 or b1 + b2 > 1.0:
+                    continue
+                n = n0 + b1 * (n1 - n0) + b2 * (n2 - n0)
+                if n > near[row, col]:
+                    near[row, col] = n
+                    index[row, col] = t
+
+
+@njit
+def _shade(  # type: ignore[no-untyped-def]
+    index, tri, corners, normals, colours, ruled, eye, to_sun, shadow, sun_axes, sun_eye, sun_scale, sun_shift, bias, grid, line, image
+):
+    height, width = index.shape
+    sun_height, sun_width = shadow.shape
+    for row in range(height):
+        for col in range(width):
+            t = index[row, col]
+            if t < 0:
+                continue
+            u0, v0, n0 = tri[t, 0]
+            u1, v1, n1 = tri[t, 1]
+            u2, v2, n2 = tri[t, 2]
+            area = (u1 - u0) * (v2 - v0) - (u2 - u0) * (v1 - v0)
+            u, v = col + 0.5, row + 0.5
+            b1 = ((u - u0) * (v2 - v0) - (u2 - u0) * (v - v0)) / area
+            b2 = ((u1 - u0) * (v - v0) - (u - u0) * (v1 - v0)) / area
+            w0, w1, w2 = (1.0 - b1 - b2) * n0, b1 * n1, b2 * n2  # perspective: weights over depth
+            total = w0 + w1 + w2
+            p = (w0 * corners[t, 0] + w1 * corners[t, 1] + w2 * corners[t, 2]) / total
+            n = (w0 * normals[t, 0] + w1 * normals[t, 1] + w2 * normals[t, 2]) / total
+            n /= max(np.sqrt((n * n).sum()), 1e-12)
+            if (n * (eye - p)).sum() < 0.0:
+                n = -n
+            lambert = max(0.0, (n * to_sun).sum())
+            if lambert > 0.0:
+                q = sun_axes @ (p + 2.0 * bias * n - sun_eye)  # lifted off its own surface
+                su, sv = q[0] * sun_scale + sun_shift[0], q[1] * sun_scale + sun_shift[1]
+                lit = 0
+                for i in range(-2, 3):
+                    for j in range(-2, 3):
+                        r, c = int(sv) + i, int(su) + j
+                        dark = 0 <= r < sun_height and 0 <= c < sun_width and shadow[r, c] > bias - q[2]
+                        lit += 0 if dark else 1
+                lambert *= lit / 25.0
+            view = eye - p
+            level = AMBIENT * (0.8 + 0.2 * n[2]) + FILL * (n * view).sum() / np.sqrt((view * view).sum()) + SUN * lambert
+            if ruled[t] and grid > 0.0:
+                away = min(abs(p[0] - grid * np.round(p[0] / grid)), abs(p[1] - grid * np.round(p[1] / grid)))
+                level *= 1.0 - 0.28 * min(1.0, max(0.0, 2.0 - away / line))
+            for k in range(3):
+                image[row, col, k] = min(1.0, colours[t, k] * level)
+            image[row, col, 3] = 1.0

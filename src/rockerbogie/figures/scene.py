@@ -1,0 +1,96 @@
+"""The rover on the ground in three dimensions: how it stands, from near; and the whole crossing, from afar."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import ArrayLike, NDArray
+
+from ..frames import body_transform
+from ..rover import Rover
+from ..terrain import Terrain
+from .landscape import ground_mesh
+from .machine import rover_mesh
+from .render import Camera, Mesh, render
+from .style import INK
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+Bounds = tuple[float, float, float, float]
+
+_SUN_HEIGHT = np.radians(48.0)
+_SUN_LEFT = np.radians(-42.0)  # of the viewer's back
+
+
+def stance_mesh(rover: Rover, stance: xr.Dataset) -> Mesh:
+    """The rover as it stands in one pose of a run or of a settle (a Dataset without a time axis)."""
+    value = {name: np.asarray(stance[name]) for name in ("x", "y", "z", "roll", "pitch", "yaw", "rocker", "bogie", "steering")}
+    T = body_transform(*(value[name] for name in ("x", "y", "z", "roll", "pitch", "yaw")))
+    rolled = float(stance["distance"]) / rover.wheel_radius if "distance" in stance.coords else 0.0
+    return rover_mesh(rover, T, float(value["rocker"]), value["bogie"], value["steering"], rolled)
+
+
+def trail_mesh(terrain: Terrain, x: ArrayLike, y: ArrayLike, colour: ArrayLike, width: float) -> Mesh:
+    """A ribbon (n,) laid along the ground, m."""
+    px, py = (np.asarray(a, dtype=float) for a in (x, y))
+    dx, dy = np.gradient(px), np.gradient(py)
+    norm = np.maximum(np.hypot(dx, dy), 1e-12)
+    sides = []
+    for sign in (-0.5, 0.5):
+        sx, sy = px - sign * width * dy / norm, py + sign * width * dx / norm
+        sides.append(np.stack([sx, sy, terrain.height(sx, sy) + 0.25 * width], axis=1))
+    a, b = sides
+    corners = np.concatenate([np.stack([a[:-1], a[1:], b[1:]], axis=1), np.stack([a[:-1], b[1:], b[:-1]], axis=1)])
+    return Mesh.flat(corners[np.isfinite(corners).all(axis=(1, 2))], colour)
+
+
+def look_from(azimuth: float, elevation: float, mesh: Mesh, size: tuple[int, int], margin: tuple[float, float, float, float]) -> Camera:
+    """A camera that sees all of a mesh from a direction, rad."""
+    return Camera.framing(mesh.corners, azimuth, elevation, size, margin=margin)
+
+
+def draw(ax: Axes, mesh: Mesh, camera: Camera, grid: float, *, finer: int = 2) -> None:
+    """Show a mesh on axes measured in the camera's pixels, lit from over the viewer's left shoulder."""
+    azimuth = float(np.arctan2(-camera.axes[2, 1], -camera.axes[2, 0]))
+    image = render(mesh, camera, sun=(azimuth + _SUN_LEFT, _SUN_HEIGHT), grid=grid, finer=finer)
+    ax.imshow(image, extent=(0, camera.size[0], camera.size[1], 0), interpolation="antialiased")
+    ax.set_xlim(0, camera.size[0])
+    ax.set_ylim(camera.size[1], 0)
+    ax.set_axis_off()
+
+
+def rule_block(ax: Axes, camera: Camera, bounds: Bounds, base: float, origin: tuple[float, float] = (0.0, 0.0)) -> None:
+    """Write metres along the two near lower edges of the block, counted from `origin`."""
+    xmin, ymin, xmax, ymax = bounds
+    nearest_y = max((ymin, ymax), key=lambda y: camera.project([(xmin + xmax) / 2, y, base])[1])
+    nearest_x = max((xmin, xmax), key=lambda x: camera.project([x, (ymin + ymax) / 2, base])[1])
+    centre = np.array([(xmin + xmax) / 2, (ymin + ymax) / 2, base])
+    for axis, name in ((0, "x"), (1, "y")):
+        low, high = (xmin, xmax) if axis == 0 else (ymin, ymax)
+        ticks = MaxNLocator(nbins=6 if axis == 0 else 4, steps=[1, 2, 5, 10]).tick_values(low - origin[axis], high - origin[axis])
+        ticks = ticks[(ticks >= low - origin[axis] - 1e-9) & (ticks <= high - origin[axis] + 1e-9)]
+        points = np.tile([nearest_x, nearest_y, base], (len(ticks) + 1, 1))
+        points[:, axis] = np.append(ticks + origin[axis], (low + high) / 2)
+        outward = np.zeros(3)
+        outward[1 - axis] = np.sign((points[-1] - centre)[1 - axis])
+        start = camera.project(points)[:, :2]
+        way = camera.project(points + 1e-3 * outward)[:, :2] - start
+        way /= np.linalg.norm(way, axis=1, keepdims=True)
+        unit = camera.size[0] / 100
+        for tick, p, w in zip(ticks, start, way, strict=False):
+            ax.plot(*np.stack([p, p + 0.8 * unit * w]).T, color="#777777", lw=0.8, clip_on=False)
+            ax.text(*(p + 2.1 * unit * w), f"{tick:g}", ha="center", va="center", fontsize=8.5, color=INK)
+        ax.text(*(start[-1] + 5.0 * unit * way[-1]), f"{name} (m)", ha="center", va="center", fontsize=9.5, color=INK)
+
+
+def grid_step(bounds: Bounds) -> float:
+    """A round spacing that rules some twenty lines over the longer side, m."""
+    span = max(bounds[2] - bounds[0], bounds[3] - bounds[1])
+    rough = span / 20
+    power = 10.0 ** np.floor(np.log10(rough))
+    return float(min((1, 2, 5, 10), key=lambda m: abs(np.log(m * power / rough))) * power)

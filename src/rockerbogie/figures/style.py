@@ -1,0 +1,51 @@
+"""One look for every picture: colours that the colour-blind can tell apart, and quiet axes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+# Okabe and Ito's palette; left is always blue and right always vermilion.
+LEFT, RIGHT = "#0072B2", "#D55E00"
+COLOURS = {
+    "roll": "#009E73",
+    "pitch": "#CC79A7",
+    "tilt": "#222222",
+    "rocker": "#555555",
+    "bogie_left": LEFT,
+    "bogie_right": RIGHT,
+    "z": "#444444",
+}
+INK = "#222222"
+
+_LOOK: dict[str, Any] = {
+    "font.size": 9.5,
+    "axes.titlesize": 10.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.edgecolor": "#888888",
+    "axes.labelcolor": INK,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e4e4e4",
+    "grid.linewidth": 0.8,
+    "lines.linewidth": 1.5,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "legend.frameon": False,
+    "savefig.dpi": 150,
+    "figure.constrained_layout.use": True,
+}
+
+
+def look() -> Any:
+    """Context in which a figure is made: `with look(): fig = Figure(...)`. Touches no global state outside it."""
+    return rc_context(_LOOK)
+
+
+def figure(width: float, height: float) -> Figure:
+    """An empty figure, inches; call inside `look()`."""
+    return Figure(figsize=(width, height), facecolor="white")
