@@ -87,17 +87,18 @@ class Path:
             raise PathError(f"the path turns back on itself at waypoint {k + 2}: drive it as two paths, or put a point beside it")
         cut = np.concatenate([[0.0], radius * np.tan(np.abs(turn) / 2), [0.0]])  # off the legs at each point
         room = leg - cut[:-1] - cut[1:]
-        k = int(np.argmin(room))
-        if room[k] < -1e-9 * leg[k]:
-            fits = radius * leg[k] / (cut[k] + cut[k + 1])
+        tight = int(np.argmin(room / leg))
+        if room[tight] < -1e-9 * leg[tight]:
+            fits = radius * leg[tight] / (cut[tight] + cut[tight + 1])
             raise PathError(
-                f"no room to turn at {radius:g} m radius between waypoints {k + 1} and {k + 2}, {leg[k]:g} m apart: "
+                f"no room to turn at {radius:g} m radius between waypoints {tight + 1} and {tight + 2}, {leg[tight]:g} m apart: "
                 f"give a radius of at most {fits:.3g} m or move them apart"
             )
         pieces = [(float(room[0]), 0.0)]
         for angle, straight in zip(turn, room[1:], strict=True):
             pieces += [(abs(angle) * radius, np.sign(angle) / radius), (float(straight), 0.0)]
-        said = f"{len(p)} waypoints from ({p[0, 0]:g}, {p[0, 1]:g}) to ({p[-1, 0]:g}, {p[-1, 1]:g}) m, corners of {radius:g} m radius"
+        ends = f"({p[0, 0]:g}, {p[0, 1]:g}) to ({p[-1, 0]:g}, {p[-1, 1]:g}) m"
+        said = f"{len(p)} waypoints from {ends}, corners of {radius:g} m radius"
         return _from_arcs((p[0, 0], p[0, 1]), float(way[0]), [s for s in pieces if s[0] > 1e-12], said)
 
     @classmethod
