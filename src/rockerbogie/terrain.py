@@ -55,9 +55,14 @@ class Terrain:
         Raises:
             TerrainError: not a height field; the message says why and what to do.
         """
-        heights = np.array(z, dtype=float)
-        step = np.broadcast_to(np.asarray(spacing, dtype=float), (2,))
-        corner = np.asarray(origin, dtype=float)
+        try:
+            heights = np.array(z, dtype=float)
+            step = np.broadcast_to(np.asarray(spacing, dtype=float), (2,))
+            corner = np.asarray(origin, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise TerrainError(
+                f"heights must be an array of numbers, spacing ({spacing!r}) one number or two, origin ({origin!r}) two: {error}"
+            ) from None
         if interpolation not in ("cubic", "linear"):
             raise TerrainError(f"interpolation {interpolation!r} is not known; give 'cubic' or 'linear'")
         least = 4 if interpolation == "cubic" else 2

@@ -35,6 +35,17 @@ def on_map(meta: NDArray[np.float64], x: float, y: float) -> bool:
     return 0.0 <= x <= (meta[META_NX] - 1.0) * meta[META_DX] and 0.0 <= y <= (meta[META_NY] - 1.0) * meta[META_DY]
 
 
+@inlined
+def onto(position: float, step: float, nodes: float) -> float:
+    """A position from the first node, put back on the rim where no more than rounding (1e-6 of a cell) took it off."""
+    end, slack = (nodes - 1.0) * step, 1e-6 * step
+    if -slack < position < 0.0:
+        return 0.0
+    if end < position < end + slack:
+        return end
+    return position
+
+
 @njit
 def surface(
     grid: NDArray[np.float64], meta: NDArray[np.float64], x: float, y: float
@@ -87,7 +98,8 @@ def surface_batch(
 ) -> None:
     """Fill out (n, 3) with h, h_x, h_y at world points (n,); nan off the map."""
     for k in prange(x.size):
-        px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
+        px = onto(x[k] - meta[META_X], meta[META_DX], meta[META_NX])
+        py = onto(y[k] - meta[META_Y], meta[META_DY], meta[META_NY])
         if on_map(meta, px, py):
             h, hx, hy, _, _, _ = surface(grid, meta, px, py)
             out[k, 0], out[k, 1], out[k, 2] = h + meta[META_Z], hx, hy
