@@ -106,11 +106,12 @@ class Rover:
         hub = _hubs(hubs)
         radius = _per_wheel("wheel_radius", wheel_radius)
         width = _per_wheel("wheel_width", wheel_width)
-        mask = np.ones(6) if steers is None else _per_wheel("steers", np.asarray(steers, dtype=float))
+        mask = np.ones(6) if steers is None else _per_wheel("steers", steers)
         offset = _offsets(steering_offset)
-        box = _default_box(hub, pivots, bogie, radius) if body_box is None else _array("body_box", body_box, (2, 3))
-        total = _default_mass(hub) if mass is None else float(mass)
-        links = _share_masses(total, pivots, bogie, hub, radius, width, box)
+        with np.errstate(invalid="ignore"):  # what is not finite is refused by name below
+            box = _default_box(hub, pivots, bogie, radius) if body_box is None else _array("body_box", body_box, (2, 3))
+            total = _default_mass(hub) if mass is None else float(mass)
+            links = _share_masses(total, pivots, bogie, hub, radius, width, box)
         rover = cls(
             name=name,
             rocker_pivot=pivots,
@@ -122,7 +123,7 @@ class Rover:
             steers=mask > 0.5,
             rocker_limits=_array("rocker_limits", rocker_limits, (2,)),
             bogie_limits=_array("bogie_limits", bogie_limits, (2,)),
-            differential=np.asarray(differential, dtype=float),
+            differential=_numbers("differential", differential),
             body_box=box,
             body=body or links[0],
             rockers=tuple(rockers or links[1]),  # type: ignore[arg-type]
@@ -254,15 +255,22 @@ class Rover:
         return np.polynomial.polynomial.polyval(np.asarray(rocker, dtype=float), self.differential)
 
 
+def _numbers(name: str, value: ArrayLike) -> Array:
+    try:
+        return np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        raise RoverError(f"{name} must be numbers, not {value!r}") from None
+
+
 def _array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
-    array = np.array(value, dtype=float)
+    array = _numbers(name, value)
     if array.shape != shape:
         raise RoverError(f"{name} has shape {array.shape}; give {shape}")
     return array
 
 
 def _sides(name: str, value: ArrayLike) -> Array:
-    array = np.array(value, dtype=float)
+    array = _numbers(name, value)
     if array.shape == (3,):
         return np.stack([array, array * (1, -1, 1)])
     if array.shape == (2, 3):
@@ -271,7 +279,7 @@ def _sides(name: str, value: ArrayLike) -> Array:
 
 
 def _hubs(value: ArrayLike) -> Array:
-    array = np.array(value, dtype=float)
+    array = _numbers("hubs", value)
     if array.shape == (3, 3):
         return np.stack([array, array * (1, -1, 1)], axis=1).reshape(6, 3)
     if array.shape == (6, 3):
@@ -280,7 +288,7 @@ def _hubs(value: ArrayLike) -> Array:
 
 
 def _per_wheel(name: str, value: ArrayLike) -> Array:
-    array = np.array(value, dtype=float)
+    array = _numbers(name, value)
     if array.shape == (3,):
         return np.repeat(array, 2)
     if array.shape in ((), (6,)):
@@ -289,7 +297,7 @@ def _per_wheel(name: str, value: ArrayLike) -> Array:
 
 
 def _offsets(value: ArrayLike) -> Array:
-    array = np.array(value, dtype=float)
+    array = _numbers("steering_offset", value)
     if array.shape == (2,):
         array = np.tile(array, (3, 1))
     if array.shape == (3, 2):
@@ -349,6 +357,7 @@ def _validate(rover: Rover) -> None:
         if not good:
             raise RoverError(f"rover {rover.name!r}: {sentence}")
 
+    check(len(rover.wheel_names) == 6 and len(set(rover.wheel_names)) == 6, "wheel_names needs six different names")
     for label in ("rocker_pivot", "bogie_pivot", "hubs", "wheel_radius", "wheel_width", "steering_offset", "body_box"):
         check(bool(np.isfinite(getattr(rover, label)).all()), f"{label} holds a value that is not finite")
     check(bool((rover.wheel_radius > 0).all()), f"wheel_radius is {rover.wheel_radius.min():g} m; give one above 0")
@@ -375,7 +384,12 @@ def _validate(rover: Rover) -> None:
     check(c.ndim == 1 and 2 <= len(c) <= 16 and bool(np.isfinite(c).all()), "differential needs 2 to 16 finite coefficients")
     check(c[0] == 0 and c[1] < 0, "differential must turn the right rocker against the left one: c[0] = 0 and c[1] < 0")
     check(bool((rover.body_box[0] < rover.body_box[1]).all()), "body_box: its first corner must be below its second")
-    check(len(rover.wheel_names) == 6 and len(set(rover.wheel_names)) == 6, "wheel_names needs six different names")
+    for label, count in (("rockers", 2), ("bogies", 2), ("wheels", 6)):
+        check(len(getattr(rover, label)) == count, f"{label} needs {count} links, got {len(getattr(rover, label))}")
     for link in rover.links:
         check(np.isfinite(link.mass) and link.mass >= 0, f"a link's mass is {link.mass:g} kg; give 0 or more")
+        for label, shape in (("com", (3,)), ("inertia", (3, 3))):
+            value = np.asarray(getattr(link, label))
+            check(value.shape == shape, f"a link's {label} has shape {value.shape}; give {shape}")
+            check(bool(np.isfinite(value).all()), f"a link's {label} holds a value that is not finite")
     check(rover.mass > 0, "the rover has no mass; give mass= in kg")
