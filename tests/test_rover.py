@@ -154,6 +154,7 @@ MISSES_SIDEWAYS = [(-0.3, 0.3, -0.2), (0.25, 0.4, -0.2), (0.4, 0.3, -0.2)]
         ({"wheel_names": ("a", "b", "c")}, "wheel_names needs six different names"),
         ({"wheel_names": ("a", "b", "c", "d", "e", "a")}, "wheel_names needs six different names"),
         ({"mass": -1.0}, "a link's mass is -0.6 kg; give 0 or more"),
+        ({"mass": "heavy"}, "mass must be numbers, not 'heavy'"),
         ({"mass": np.nan}, "a link's mass is nan kg"),
         ({"mass": 0.0}, "the rover has no mass; give mass= in kg"),
         ({"wheel_radius": "big"}, "wheel_radius must be numbers, not 'big'"),

@@ -110,7 +110,7 @@ class Rover:
         offset = _offsets(steering_offset)
         with np.errstate(invalid="ignore"):  # what is not finite is refused by name below
             box = _default_box(hub, pivots, bogie, radius) if body_box is None else _array("body_box", body_box, (2, 3))
-            total = _default_mass(hub) if mass is None else float(mass)
+            total = _default_mass(hub) if mass is None else float(_array("mass", mass, ()))
             links = _share_masses(total, pivots, bogie, hub, radius, width, box)
         rover = cls(
             name=name,

@@ -1,0 +1,81 @@
+"""What `import rockerbogie` gives and what it costs: counted in modules loaded, which no busy machine can blur."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from importlib.metadata import version
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+import rockerbogie as rb
+
+HEAVY = {"numpy", "numba", "scipy", "xarray", "pandas", "matplotlib", "mujoco", "rasterio", "h5netcdf", "rich", "cyclopts", "PIL"}
+
+
+def loaded_by(code: str) -> set[str]:
+    """Which of the heavy packages a fresh interpreter holds after running `code`."""
+    report = f"{code}\nimport sys\nprint(*({HEAVY!r} & set(sys.modules)))"
+    return set(subprocess.run([sys.executable, "-c", report], check=True, capture_output=True, text=True).stdout.split())
+
+
+@pytest.mark.parametrize(
+    ("code", "allowed"),
+    [
+        ("import rockerbogie", set()),
+        ("import rockerbogie as rb; rb.Rover, rb.Path, rb.Status, rb.wheel_frames, rb.load_rover('curiosity')", {"numpy"}),
+        ("import rockerbogie as rb; rb.settle, rb.Pose, rb.wheel_jacobians, rb.wheel_commands, rb.drive", {"numpy", "numba"}),
+        ("import rockerbogie as rb; rb.Terrain.from_array([[0, 0], [0, 0]], 1, interpolation='linear')", {"numpy", "numba"}),
+        ("import rockerbogie as rb; rb.simulate, rb.compare, rb.to_mjcf, rb.to_urdf, rb.surfaces", {"numpy", "numba"}),
+        ("import rockerbogie.cli", set()),
+    ],
+)
+def test_a_name_loads_no_more_than_it_needs(code: str, allowed: set[str]) -> None:
+    assert loaded_by(code) <= allowed
+
+
+@pytest.mark.parametrize("name", rb.__all__)
+def test_every_public_name_is_there(name: str) -> None:
+    value = getattr(rb, name)
+    assert value is getattr(rb, name), "the same object each time"
+    assert isinstance(value, ModuleType) == (name == "surfaces")
+    assert name in dir(rb)
+
+
+def test_type_checkers_see_the_same_names() -> None:
+    """The imports for type checkers and the table for the interpreter cannot be one thing; they must say one thing."""
+    tree = ast.parse(Path(str(rb.__file__)).read_text(encoding="utf-8"))
+    block = next(node for node in tree.body if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING")
+    seen = {
+        alias.asname: node.module or ""
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+        if alias.asname == alias.name
+    }
+    assert seen == rb._EXPORTS
+
+
+@pytest.mark.parametrize("name", ["settle", "drive", "simulate"])
+def test_a_verb_stays_the_function_when_its_module_is_imported_first(name: str) -> None:
+    code = f"import rockerbogie.{name}, rockerbogie as rb; from rockerbogie import {name} as f; print(callable(rb.{name}), f is rb.{name})"
+    out = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
+    assert out.split() == ["True", "True"]
+
+
+def test_a_name_that_is_not_there() -> None:
+    with pytest.raises(AttributeError, match="module 'rockerbogie' has no attribute 'setle'"):
+        _ = rb.setle  # type: ignore[attr-defined]
+
+
+def test_the_version_is_the_packages() -> None:
+    assert rb.__version__ == version("rockerbogie")
+
+
+def test_errors_are_of_one_family() -> None:
+    for error in (rb.RoverError, rb.TerrainError, rb.PathError):
+        assert issubclass(error, rb.RockerbogieError)
+    assert issubclass(rb.RockerbogieError, ValueError)
