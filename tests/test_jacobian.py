@@ -6,9 +6,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from helpers import assert_close, paper_rover, random_rover
 
 import rockerbogie as rb
+from helpers import assert_close, paper_rover, random_rover
 from rockerbogie.frames import contact_frames, wheel_frames
 from rockerbogie.jacobian import JACOBIAN_COLUMNS, SYSTEM_COLUMNS, system_jacobian
 
@@ -17,7 +17,7 @@ SHAPES = [(), (1,), (3, 1, 2)]
 
 def random_stance(rng, shape, rover):
     angles = SimpleNamespace(
-        rocker=rng.uniform(-0.5, 0.5, shape),
+        rocker=np.asarray(rng.uniform(-0.5, 0.5, shape)),
         bogie=rng.uniform(-0.6, 0.6, (*shape, 2)),
         contact_angle=rng.uniform(-1, 1, (*shape, 6)),
     )
@@ -67,14 +67,10 @@ def test_equals_central_differences_of_the_chain(shape):
         J = rb.wheel_jacobians(rover, pose, steering)
         assert J.shape == (*shape, 6, 6, 9)
         for at in np.ndindex(shape):
-            one = SimpleNamespace(
-                rocker=pose.rocker[at] if shape else pose.rocker, bogie=pose.bogie[at], contact_angle=pose.contact_angle[at]
-            )
+            one = SimpleNamespace(rocker=pose.rocker[at], bogie=pose.bogie[at], contact_angle=pose.contact_angle[at])
             for i in range(6):
                 expected = differenced(rover, one, steering[at], i)
-                assert_close(
-                    J[at][i], expected, 1e-7, "(m, rad)/rad", "central differences of T_R̄,C̄ · eq. 6 · T_C,R with h = 1e-6"
-                )
+                assert_close(J[at][i], expected, 1e-7, "(m, rad)/rad", "central differences of eq. 8, h = 1e-6")
 
 
 def pinocchio_jacobian(pin, rover, pose, steering, i):
@@ -86,7 +82,7 @@ def pinocchio_jacobian(pin, rover, pose, steering, i):
     side, hub = i % 2, rover.hubs[i]
     pivot = rover.rocker_pivot[side]
     knee = rover.bogie_pivot[side] if i >= 2 else pivot
-    post = hub + [*rover.steering_offset[i], 0.0]
+    post = hub + np.append(rover.steering_offset[i], 0.0)
     place = lambda v: pin.SE3(np.eye(3), np.asarray(v, dtype=float))  # noqa: E731
     parent = 0
     for name, joint, at in [
@@ -133,9 +129,7 @@ def test_straight_ahead_on_the_flat():
     level = SimpleNamespace(rocker=0.0, bogie=np.zeros(2), contact_angle=np.zeros(6))
     J = rb.wheel_jacobians(rover, level)
     for i in range(6):
-        assert_close(
-            J[i, :, 4], [0.1, 0, 0, 0, 0, 0], 1e-15, "m/rad", "a wheel of radius 0.1 m rolling forward takes the body along"
-        )
+        assert_close(J[i, :, 4], [0.1, 0, 0, 0, 0, 0], 1e-15, "m/rad", "a wheel of 0.1 m radius takes the body forward")
         turn = [rover.hubs[i, 1], -rover.hubs[i, 0], 0, 0, 0, 1]
         assert_close(J[i, :, 7], turn, 1e-15, "m/rad", "turning left about a contact under the hub moves the body across it")
     assert not J[2:, :, 3].any(), "only the paper's rear wheels steer"

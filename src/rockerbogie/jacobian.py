@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._kernels import jacobians as kernel
 from .errors import RockerbogieError
-from .frames import check_steering, joint_angles
+from .frames import check_steering, contact_frames, joint_angles, wheel_frames
 from .rover import Rover
 
 Array = NDArray[np.float64]
@@ -29,6 +30,12 @@ JACOBIAN_COLUMNS = (
 #: Columns of the whole rover's system: the suspension's rates, then each other rate wheel by wheel.
 SYSTEM_COLUMNS = JACOBIAN_COLUMNS[:3] + tuple(f"{name}_{i}" for name in JACOBIAN_COLUMNS[3:] for i in range(6))
 
+#: What `contact_rows` tells of each wheel: slip of the tread along and across its way, m/s; how fast it leaves the ground,
+#: m/s; the turn slip and how fast the link that carries the wheel pitches about the axle, rad/s.
+ROW_NAMES = ("roll_slip", "side_slip", "lift", "turn_slip", "pitch")
+#: And of what: the body's twist, and the rates of the suspension and of the wheel's steering.
+ROW_COLUMNS = ("vx", "vy", "vz", "wx", "wy", "wz", "rocker", "bogie_left", "bogie_right", "steering")
+
 
 class Stance(Protocol):
     """What motion needs to know of a pose. `rockerbogie.Pose` is one."""
@@ -44,6 +51,16 @@ class Stance(Protocol):
     @property
     def contact_angle(self) -> Array:
         """(..., 6) δ, rad."""
+
+
+@dataclass(frozen=True, eq=False)
+class SimpleStance:
+    """Angles of a rover whose ground is not known: rocker (...), bogie (..., 2), contact and steering (..., 6), rad."""
+
+    rocker: Array
+    bogie: Array
+    contact_angle: Array
+    steering: Array
 
 
 def stance_angles(rover: Rover, pose: Stance, steering: ArrayLike | None) -> tuple[Array, Array, Array, Array]:
@@ -79,8 +96,8 @@ def wheel_jacobians(rover: Rover, pose: Stance, steering: ArrayLike | None = Non
     """
     q, b, s, delta = stance_angles(rover, pose, steering)
     J = np.zeros((q.size, 6, 6, 9))
-    flat = (np.ascontiguousarray(a.reshape(q.size, *a.shape[q.ndim :])) for a in (q, b, s, delta))
-    kernel.wheel_jacobians_batch(rover.packed, *flat, J)
+    flat = [np.ascontiguousarray(a.reshape(q.size, *a.shape[q.ndim :])) for a in (q, b, s, delta)]
+    kernel.wheel_jacobians_batch(rover.packed, flat[0], flat[1], flat[2], flat[3], J)
     J[:, ~rover.steers, :, kernel.STEERING] = 0.0
     return J.reshape(*q.shape, 6, 6, 9)
 
@@ -97,3 +114,53 @@ def system_jacobian(rover: Rover, pose: Stance, steering: ArrayLike | None = Non
         S[..., rows, :3] = J[..., i, :, :3]
         S[..., rows, 3 + i :: 6] = J[..., i, :, 3:]
     return S
+
+
+def contact_rows(rover: Rover, pose: Stance, steering: ArrayLike | None = None) -> Array:
+    """Rows (..., 6, 5, 10) of each wheel's contact as a point of a rigid wheel whose motor holds still.
+
+    Rows are `ROW_NAMES`, columns `ROW_COLUMNS`. A motor at rate ω takes rω from the roll slip; the rest stands. Unlike
+    eq. 9 to the letter, these hold on curved ground and while wheels lean (docs/jacobians.md).
+
+    Args:
+        pose: as for `wheel_jacobians`. If it knows the ground (a settled `Pose`), its contact points and normals are
+            used; else the contact is the middle of the rim at δ, and the normal lies in the wheel's plane.
+        steering: (..., 6) rad. Where it is not the pose's own, the wheel is turned on the plane it stands on.
+    """
+    q, b, turn, delta = stance_angles(rover, pose, None)
+    axle = wheel_frames(rover, q, b, turn)
+    contact = contact_frames(rover, axle, delta)
+    normal, aside = contact[..., :3, 2], np.zeros((*q.shape, 6, 1))
+    if hasattr(pose, "contact_normal"):
+        R, p = pose.T_world_body[..., None, :3, :3], pose.T_world_body[..., None, :3, 3]  # type: ignore[attr-defined]
+        normal = np.einsum("...ji,...j->...i", R, pose.contact_normal)
+        point = np.einsum("...ji,...j->...i", R, pose.contact_point - p)  # type: ignore[attr-defined]
+        aside = ((point - axle[..., :3, 3]) * axle[..., :3, 1]).sum(axis=-1, keepdims=True)
+    if steering is not None:
+        q, b, turn, _ = stance_angles(rover, pose, steering)
+        axle = wheel_frames(rover, q, b, turn)
+        delta = np.arctan2((normal * axle[..., :3, 0]).sum(axis=-1), (normal * axle[..., :3, 2]).sum(axis=-1))
+        contact = contact_frames(rover, axle, delta)
+    x, y = contact[..., :3, 0], axle[..., :3, 1]
+    point = contact[..., :3, 3] + aside * y
+    z = normal - (normal * x).sum(axis=-1, keepdims=True) * x
+    z = z / np.linalg.norm(z, axis=-1, keepdims=True)
+    rows = np.zeros((*delta.shape, 5, 10))
+    for row, along in enumerate((x, np.cross(z, x), z)):
+        rows[..., row, :3] = along
+        rows[..., row, 3:6] = np.cross(point, along)
+    rows[..., 3, 3:6] = contact[..., :3, 2]
+    rows[..., 4, 3:6] = y
+    J = wheel_jacobians(rover, SimpleStance(q, b, delta, turn))
+    rows[..., 6:] = -rows[..., :6] @ J[..., :4]
+    return rows
+
+
+def ground_rates(rows: Array, twist: ArrayLike, steering_rates: ArrayLike = 0.0) -> Array:
+    """Rates (..., 3) of rocker and bogies that best keep six wheels on the ground while the body moves at twist (..., 6)."""
+    given = np.asarray(twist, dtype=float)
+    lift = rows[..., 2, :]
+    missing = np.einsum("...ij,...j->...i", lift[..., :6], given) + lift[..., 9] * np.asarray(steering_rates, dtype=float)
+    A = lift[..., 6:9]
+    At = np.swapaxes(A, -1, -2)
+    return np.asarray(np.linalg.solve(At @ A, -(At @ missing[..., None]))[..., 0])

@@ -1,0 +1,153 @@
+"""Navigation kinematics: what the sensors on board say of the body's motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import RockerbogieError
+from .jacobian import Stance, contact_rows
+from .rover import Rover
+
+Array = NDArray[np.float64]
+
+UNKNOWNS = 9  # twist, rocker rate, bogie rates
+
+
+@dataclass(frozen=True)
+class Noise:
+    """How far each reading is trusted: standard deviations, numbers or arrays that broadcast with the reading."""
+
+    roll_slip: ArrayLike = 5e-3  # m/s: wheels slip
+    side_slip: ArrayLike = 5e-3  # m/s
+    lift: ArrayLike = 1e-3  # m/s: how well the contact angle is known, times the speed
+    joint_rate: ArrayLike = 1e-3  # rad/s, rocker and bogies
+    gyro: ArrayLike = 1e-3  # rad/s
+    inclinometer: ArrayLike = 1e-2  # rad/s
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """The body's motion as the sensors have it. What they leave open is nan, with infinite covariance."""
+
+    twist: Array  # (..., 6) vx, vy, vz, ωx, ωy, ωz in the body frame, m/s and rad/s
+    covariance: Array  # (..., 6, 6) of the twist
+    rocker_rate: Array  # (...) rad/s
+    bogie_rates: Array  # (..., 2) rad/s
+    residual: Array  # (..., 6, 3) roll slip, side slip and lift left over at each contact, m/s
+
+
+def body_twist(
+    rover: Rover,
+    pose: Stance,
+    *,
+    wheel_rates: ArrayLike | None = None,
+    rocker_rate: ArrayLike | None = None,
+    bogie_rates: ArrayLike | None = None,
+    steering_rates: ArrayLike | None = None,
+    gyro: ArrayLike | None = None,
+    inclinometer_rates: ArrayLike | None = None,
+    steering: ArrayLike | None = None,
+    noise: Noise | None = None,
+) -> Motion:
+    """The body's twist from any of its sensors, by weighted least squares over the contacts of six wheels.
+
+    Each wheel says that its tread does not slip along or across and neither leaves the ground nor sinks; rates that are
+    not measured are solved for beside the twist. A nan reading is no reading.
+
+    Args:
+        pose: joint and contact angles, as for `wheel_jacobians`.
+        wheel_rates: (..., 6) of each motor, wheel against its link, forward positive, rad/s.
+        rocker_rate, bogie_rates: (...) of the left rocker and (..., 2), rad/s.
+        steering_rates: (..., 6) rad/s; not given, the wheels hold their steering.
+        gyro: (..., 3) angular velocity in the body frame, rad/s.
+        inclinometer_rates: (..., 2) rates of roll and pitch, rad/s; needs a pose that has `roll` and `pitch`.
+        steering: (..., 6) rad; default the pose's own.
+        noise: how far each is trusted.
+
+    Raises:
+        RockerbogieError: a reading whose shape does not fit.
+    """
+    noise = noise or Noise()
+    rows = contact_rows(rover, pose, steering)
+    shape = rows.shape[:-3]
+    turned = np.zeros(6) if steering_rates is None else _reading("steering_rates", steering_rates, 6)
+    spin = None if wheel_rates is None else _reading("wheel_rates", wheel_rates, 6)
+    rolled = np.full(6, np.nan) if spin is None else rover.wheel_radius * spin
+    shape = np.broadcast_shapes(shape, turned.shape[:-1], rolled.shape[:-1])
+    equations = [
+        _equations(rows[..., 0, :], rolled, turned, noise.roll_slip),
+        _equations(rows[..., 1, :], np.zeros(6), turned, noise.side_slip),
+        _equations(rows[..., 2, :], np.zeros(6), turned, noise.lift),
+    ]
+    if rocker_rate is not None:
+        equations.append(
+            _direct(_reading("rocker_rate", np.asarray(rocker_rate, dtype=float)[..., None], 1), [6], noise.joint_rate)
+        )
+    if bogie_rates is not None:
+        equations.append(_direct(_reading("bogie_rates", bogie_rates, 2), [7, 8], noise.joint_rate))
+    if gyro is not None:
+        equations.append(_direct(_reading("gyro", gyro, 3), [3, 4, 5], noise.gyro))
+    if inclinometer_rates is not None:
+        equations.append(_leaning(pose, _reading("inclinometer_rates", inclinometer_rates, 2), noise.inclinometer))
+    shape = np.broadcast_shapes(shape, *(value.shape[:-1] for _, value in equations))
+    A = np.concatenate([np.broadcast_to(a, (*shape, *a.shape[-2:])) for a, _ in equations], axis=-2)
+    b = np.concatenate([np.broadcast_to(v, (*shape, v.shape[-1])) for _, v in equations], axis=-1)
+    x, covariance = _least_squares(A, b)
+    contact = np.einsum("...ijk,...k->...ij", rows[..., :3, :9], np.nan_to_num(x))
+    contact += rows[..., :3, 9] * turned[..., None]
+    contact[..., 0] -= np.nan_to_num(rolled)
+    unknown = np.isnan(x).any(axis=-1)
+    contact[unknown] = np.nan
+    contact[..., 0] = np.where(np.isnan(rolled), np.nan, contact[..., 0])
+    return Motion(x[..., :6], covariance[..., :6, :6], x[..., 6], x[..., 7:], contact)
+
+
+def _reading(name: str, value: ArrayLike, last: int) -> Array:
+    array = np.asarray(value, dtype=float)
+    if array.shape[-1:] != (last,):
+        raise RockerbogieError(f"{name} has shape {array.shape}; its last axis must be {last}")
+    return array
+
+
+def _equations(row: Array, value: Array, steering_rates: Array, sigma: ArrayLike) -> tuple[Array, Array]:
+    """Whitened row · unknowns = value, one a wheel; a nan value strikes its equation out."""
+    weight = 1.0 / np.asarray(sigma, dtype=float)
+    right = value - row[..., 9] * steering_rates
+    known = np.isfinite(right) & np.isfinite(row).all(axis=-1)
+    weight = np.where(known, weight, 0.0)
+    return weight[..., None] * np.where(known[..., None], row[..., :UNKNOWNS], 0.0), weight * np.where(known, right, 0.0)
+
+
+def _direct(value: Array, columns: list[int], sigma: ArrayLike) -> tuple[Array, Array]:
+    """Whitened equations of sensors that read the unknowns of these columns themselves."""
+    row = np.eye(UNKNOWNS + 1)[columns]
+    return _equations(np.broadcast_to(row, (*value.shape[:-1], *row.shape)), value, np.zeros(1), sigma)
+
+
+def _leaning(pose: Stance, rates: Array, sigma: ArrayLike) -> tuple[Array, Array]:
+    """Whitened equations of the rates of roll and pitch, which eq. 10 makes of the angular velocity."""
+    if not (hasattr(pose, "roll") and hasattr(pose, "pitch")):
+        raise RockerbogieError("inclinometer_rates need to know how the body leans: give a pose that has roll and pitch")
+    roll, pitch = np.asarray(pose.roll, dtype=float), np.asarray(pose.pitch, dtype=float)
+    row = np.zeros((*np.broadcast_shapes(roll.shape, pitch.shape), 2, UNKNOWNS + 1))
+    row[..., 0, 3] = 1.0
+    row[..., 0, 4], row[..., 0, 5] = np.sin(roll) * np.tan(pitch), np.cos(roll) * np.tan(pitch)
+    row[..., 1, 4], row[..., 1, 5] = np.cos(roll), -np.sin(roll)
+    return _equations(row, rates, np.zeros(1), sigma)
+
+
+def _least_squares(A: Array, b: Array) -> tuple[Array, Array]:
+    """x (..., 9) of least |A x − b|, and its covariance; elements that A leaves open are nan, theirs infinite."""
+    U, s, Vt = np.linalg.svd(A, full_matrices=False)
+    seen = s > 1e-9 * s[..., :1]
+    inverse = np.where(seen, 1.0 / np.where(seen, s, 1.0), 0.0)
+    V = np.swapaxes(Vt, -1, -2)
+    x = np.einsum("...ij,...j->...i", V * inverse[..., None, :], np.einsum("...ji,...j->...i", U, b))
+    covariance = (V * inverse[..., None, :] ** 2) @ Vt
+    open_ = (V**2 * ~seen[..., None, :]).sum(axis=-1) > 1e-12
+    x[open_] = np.nan
+    covariance[open_[..., :, None] | open_[..., None, :]] = np.inf
+    return x, covariance
