@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .status import Status
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import xarray as xr
 
     from .pose import Pose
+    from .rover import Rover
+
+Array = NDArray[np.float64]
 
 #: Variable: (its own dims behind the batch's, units, long name).
 VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
@@ -26,6 +36,40 @@ VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
     "clearance": ((), "m", "least height of the body above the ground"),
     "status": ((), "1", "status code, see rockerbogie.Status"),
 }
+
+#: Variables whose rate a run holds beside them, as `<name>_rate`.
+RATED = ("x", "y", "z", "roll", "pitch", "yaw", "rocker", "bogie", "contact_angle")
+RUN_VARIABLES = (
+    VARIABLES
+    | {
+        f"{name}_rate": (dims, f"{units}/s", f"rate of {text}")
+        for name, (dims, units, text) in VARIABLES.items()
+        if name in RATED
+    }
+    | {"wheel_rate": (("wheel",), "rad/s", "turning rate of the wheel against its link, forward positive")}
+)
+
+
+def run_dataset(
+    rover: Rover, time: Array, distance: Array, values: Mapping[str, NDArray[np.generic]], attrs: dict[str, Any]
+) -> xr.Dataset:
+    """The Dataset of a run: `values` (time, ...) by their names in `RUN_VARIABLES`, over time (n,) s and distance (n,) m."""
+    import xarray as xr
+
+    data: dict[str, tuple[tuple[str, ...], Any, dict[str, Any]]] = {
+        name: (("time", *dims), values[name], {"units": units, "long_name": text})
+        for name, (dims, units, text) in RUN_VARIABLES.items()
+        if name in values
+    }
+    data["status"][2].update(flag_values=np.array(list(Status), dtype=np.uint8), flag_meanings=" ".join(s.name for s in Status))
+    coords = {
+        "time": ("time", time, {"units": "s", "long_name": "time since the start"}),
+        "distance": ("time", distance, {"units": "m", "long_name": "distance along the path"}),
+        "wheel": list(rover.wheel_names),
+        "side": ["left", "right"],
+        "axis": ["x", "y", "z"],
+    }
+    return xr.Dataset(data, coords, {"rover": rover.name, **attrs})
 
 
 def pose_dataset(pose: Pose) -> xr.Dataset:
