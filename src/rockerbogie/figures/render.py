@@ -16,7 +16,7 @@ from .._kernels.jit import njit
 
 Array = NDArray[np.float64]
 
-AMBIENT, FILL, SUN = 0.42, 0.16, 0.62  # light from the sky, from behind the viewer, from the sun
+AMBIENT, FILL, SUN = 0.42, 0.16, 0.52  # light from the sky, from behind the viewer, from the sun
 SUN_PIXELS = 1500
 SHADOW_BIAS = 0.004  # of the scene's size: less makes surfaces shade themselves, more lets shadows float
 
@@ -96,11 +96,15 @@ class Camera:
 
     def project(self, points: ArrayLike) -> Array:
         """(..., 3) of points (..., 3): pixels right and down, and nearness, linear over the picture."""
-        p = (np.asarray(points, dtype=float) - self.eye) @ self.axes.T
-        depth = p[..., 2:]
-        near = 1 / depth if self.perspective else -depth
-        plane = p[..., :2] * near if self.perspective else p[..., :2]
-        return np.concatenate([plane * self.scale + self.shift, near], axis=-1)
+        given = np.asarray(points, dtype=float)
+        p = (given.reshape(-1, 3) - self.eye) @ self.axes.T
+        if self.perspective:
+            p[:, 2] = 1 / p[:, 2]
+            p[:, :2] *= p[:, 2:]
+        else:
+            p[:, 2] *= -1
+        p[:, :2] = p[:, :2] * self.scale + self.shift
+        return p.reshape(given.shape)
 
     def enlarged(self, factor: int) -> Camera:
         """The same view in more pixels."""
@@ -121,16 +125,27 @@ def render(mesh: Mesh, camera: Camera, *, sun: tuple[float, float], grid: float 
     light = Camera.framing(mesh.corners, *sun, (SUN_PIXELS, SUN_PIXELS), perspective=False)
     _, shadow = _visible(mesh, light)
     extent = float(np.ptp(mesh.corners.reshape(-1, 3), axis=0).max())
-    image = np.zeros((fine.size[1], fine.size[0], 4))
+    pixel = float(np.linalg.norm(mesh.corners[0, 0] - camera.eye)) / camera.scale  # m, about
+    image = np.zeros((camera.size[1], camera.size[0], 4))
     _shade(
         index, fine.project(mesh.corners), mesh.corners, mesh.normals, mesh.colours, mesh.ruled, fine.eye,
         -light.axes[2], shadow, light.axes, light.eye, light.scale, light.shift,
-        SHADOW_BIAS * extent, grid, 0.5 * finer / fine.scale * float(np.linalg.norm(mesh.corners[0, 0] - fine.eye)), image,
+        SHADOW_BIAS * extent, grid, 0.5 * pixel, finer, image,
     )  # fmt: skip
-    image = image.reshape(camera.size[1], finer, camera.size[0], finer, 4).mean(axis=(1, 3))
     alpha = image[..., 3:]
     image[..., :3] = np.where(alpha > 0, image[..., :3] / np.maximum(alpha, 1e-12), 1.0)
     return image
+
+
+def hidden_by(mesh: Mesh, camera: Camera, points: ArrayLike) -> Array:
+    """How far (n,) the nearest surface stands before points (n, 3) of a perspective view, m; nan out of the picture."""
+    _, near = _visible(mesh, camera)
+    place = camera.project(points)
+    out = np.full(len(place), np.nan)
+    for i, (u, v, n) in enumerate(place):
+        if 0 <= u < camera.size[0] and 0 <= v < camera.size[1]:
+            out[i] = max(0.0, 1 / n - 1 / near[int(v), int(u)])
+    return out
 
 
 def _visible(mesh: Mesh, camera: Camera) -> tuple[NDArray[np.int32], Array]:
@@ -167,10 +182,12 @@ def _rasterise(tri, index, near):  # type: ignore[no-untyped-def]
 
 @njit
 def _shade(  # type: ignore[no-untyped-def]
-    index, tri, corners, normals, colours, ruled, eye, to_sun, shadow, sun_axes, sun_eye, sun_scale, sun_shift, bias, grid, line, image
-):
+    index, tri, corners, normals, colours, ruled, eye, to_sun, shadow, sun_axes, sun_eye, sun_scale, sun_shift,
+    bias, grid, line, finer, image,
+):  # fmt: skip
     height, width = index.shape
     sun_height, sun_width = shadow.shape
+    p, n, q = np.empty(3), np.empty(3), np.empty(3)
     for row in range(height):
         for col in range(width):
             t = index[row, col]
@@ -185,27 +202,34 @@ def _shade(  # type: ignore[no-untyped-def]
             b2 = ((u1 - u0) * (v - v0) - (u - u0) * (v1 - v0)) / area
             w0, w1, w2 = (1.0 - b1 - b2) * n0, b1 * n1, b2 * n2  # perspective: weights over depth
             total = w0 + w1 + w2
-            p = (w0 * corners[t, 0] + w1 * corners[t, 1] + w2 * corners[t, 2]) / total
-            n = (w0 * normals[t, 0] + w1 * normals[t, 1] + w2 * normals[t, 2]) / total
-            n /= max(np.sqrt((n * n).sum()), 1e-12)
-            if (n * (eye - p)).sum() < 0.0:
-                n = -n
-            lambert = max(0.0, (n * to_sun).sum())
-            if lambert > 0.0:
-                q = sun_axes @ (p + 2.0 * bias * n - sun_eye)  # lifted off its own surface
-                su, sv = q[0] * sun_scale + sun_shift[0], q[1] * sun_scale + sun_shift[1]
-                lit = 0
-                for i in range(-2, 3):
-                    for j in range(-2, 3):
-                        r, c = int(sv) + i, int(su) + j
-                        dark = 0 <= r < sun_height and 0 <= c < sun_width and shadow[r, c] > bias - q[2]
-                        lit += 0 if dark else 1
-                lambert *= lit / 25.0
-            view = eye - p
-            level = AMBIENT * (0.8 + 0.2 * n[2]) + FILL * (n * view).sum() / np.sqrt((view * view).sum()) + SUN * lambert
-            if ruled[t] and grid > 0.0:
-                away = min(abs(p[0] - grid * np.round(p[0] / grid)), abs(p[1] - grid * np.round(p[1] / grid)))
-                level *= 1.0 - 0.28 * min(1.0, max(0.0, 2.0 - away / line))
+            nn, seen, away = 0.0, 0.0, 0.0
             for k in range(3):
-                image[row, col, k] = min(1.0, colours[t, k] * level)
-            image[row, col, 3] = 1.0
+                p[k] = (w0 * corners[t, 0, k] + w1 * corners[t, 1, k] + w2 * corners[t, 2, k]) / total
+                n[k] = w0 * normals[t, 0, k] + w1 * normals[t, 1, k] + w2 * normals[t, 2, k]
+                nn += n[k] * n[k]
+                seen += n[k] * (eye[k] - p[k])
+                away += (eye[k] - p[k]) ** 2
+            flip = (1.0 if seen > 0.0 else -1.0) / max(np.sqrt(nn), 1e-12)
+            lambert = 0.0
+            for k in range(3):
+                n[k] *= flip
+                lambert += n[k] * to_sun[k]
+            if lambert > 0.0:
+                for i in range(3):  # the point, lifted off its own surface, as the sun sees it
+                    q[i] = 0.0
+                    for k in range(3):
+                        q[i] += sun_axes[i, k] * (p[k] + 2.0 * bias * n[k] - sun_eye[k])
+                su, sv = int(q[0] * sun_scale + sun_shift[0]), int(q[1] * sun_scale + sun_shift[1])
+                dark = 0
+                for r in range(max(0, sv - 2), min(sun_height, sv + 3)):
+                    for c in range(max(0, su - 2), min(sun_width, su + 3)):
+                        dark += shadow[r, c] > bias - q[2]
+                lambert *= 1.0 - dark / 25.0
+            level = AMBIENT * (0.8 + 0.2 * n[2]) + FILL * abs(seen) / np.sqrt(nn * away) + SUN * max(0.0, lambert)
+            if ruled[t] and grid > 0.0:
+                off = min(abs(p[0] - grid * np.round(p[0] / grid)), abs(p[1] - grid * np.round(p[1] / grid)))
+                level *= 1.0 - 0.28 * min(1.0, max(0.0, 2.0 - off / line))
+            share = 1.0 / (finer * finer)
+            for k in range(3):
+                image[row // finer, col // finer, k] += share * min(1.0, colours[t, k] * level)
+            image[row // finer, col // finer, 3] += share

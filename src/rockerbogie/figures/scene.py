@@ -54,6 +54,12 @@ def look_from(azimuth: float, elevation: float, mesh: Mesh, size: tuple[int, int
     return Camera.framing(mesh.corners, azimuth, elevation, size, margin=margin)
 
 
+def picture_height(azimuth: float, elevation: float, mesh: Mesh, width: int, room: float) -> int:
+    """How many pixels a picture `width` wide needs for its height, `room` (a share of the width) left free above and below."""
+    seen = look_from(azimuth, elevation, mesh, (width, width), (0.0, 0.0, 0.0, 0.0)).project(mesh.corners)[..., 1]
+    return round((np.ptp(seen) + room * width) / 20) * 20
+
+
 def draw(ax: Axes, mesh: Mesh, camera: Camera, grid: float, *, finer: int = 2) -> None:
     """Show a mesh on axes measured in the camera's pixels, lit from over the viewer's left shoulder."""
     azimuth = float(np.arctan2(-camera.axes[2, 1], -camera.axes[2, 0]))

@@ -1,0 +1,212 @@
+"""A run on paper: the map it crossed, and its angles along the way."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection
+from matplotlib.colors import LightSource, Normalize
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch, Rectangle
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import MaxNLocator, StrMethodFormatter
+from numpy.typing import NDArray
+
+from ..rover import Rover
+from ..status import MEANING, Status
+from ..terrain import Terrain
+from .style import COLOURS, INK, LEFT, RIGHT, figure, look
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+Bounds = tuple[float, float, float, float]
+
+_HALO = [withStroke(linewidth=3, foreground="white")]
+_MAP_PIXELS = 700
+_STATUS_COLOURS = {
+    Status.CONVERGED: "#d9d9d9",
+    Status.OFF_MAP: "#000000",
+    Status.NO_DATA: "#56B4E9",
+    Status.JOINT_STOP: "#E69F00",
+    Status.NOT_CONVERGED: "#D55E00",
+    Status.WHEEL_LIFTED: "#F0E442",
+    Status.BELLY_CONTACT: "#CC79A7",
+    Status.TIPPED: "#0072B2",
+}
+
+
+def tilt_of(run: xr.Dataset) -> xr.DataArray:
+    """Angle between the body's z and the vertical, rad."""
+    return np.arccos(np.clip(np.cos(run["roll"]) * np.cos(run["pitch"]), -1, 1))
+
+
+def worst_of(run: xr.Dataset) -> int | None:
+    """The place in a run where the rover tilts most; none where no pose was found."""
+    tilt = tilt_of(run).values
+    return int(np.nanargmax(tilt)) if np.isfinite(tilt).any() else None
+
+
+def run_map(rover: Rover, terrain: Terrain, run: xr.Dataset) -> Figure:
+    """The ground from above with the way over it, coloured by tilt; a small map shows where on the whole this is."""
+    x, y, tilt = run["x"].values, run["y"].values, np.degrees(tilt_of(run).values)
+    bounds = _around(x, y, terrain.bounds, 3 * rover.wheelbase)
+    wide, high = bounds[2] - bounds[0], bounds[3] - bounds[1]
+    left, across, right, below, above = 1.1, 5.9, 2.25, 0.6, 0.45  # inches
+    up = across * high / wide
+    page = (left + across + right, below + max(up, 3.2) + above)
+    with look():
+        fig = figure(*page)
+        fig.set_layout_engine("none")
+
+        def axes(x: float, y: float, width: float, height: float) -> Axes:
+            return fig.add_axes((x / page[0], y / page[1], width / page[0], height / page[1]))
+
+        ax = axes(left, below, across, up)
+        _hillshade(ax, terrain, bounds, contours=True)
+        points = np.stack([x, y], axis=1)
+        pieces = np.stack([points[:-1], points[1:]], axis=1)
+        middle = np.fmax(tilt[:-1], tilt[1:])
+        scale = Normalize(0, max(5.0, float(np.nanmax(middle, initial=0.0))))
+        ax.plot(x, y, color="white", lw=5.0, solid_capstyle="round", zorder=3)
+        good = np.isfinite(middle)
+        ax.add_collection(LineCollection(list(pieces[good]), array=middle[good], cmap="plasma", norm=scale, lw=3.2, zorder=4))
+        bad = ~np.isfinite(tilt)
+        if bad.any():
+            ax.plot(x[bad], y[bad], "x", color="#b00000", ms=5, zorder=5, label=f"no pose found ({bad.sum()})")
+        ax.plot(x[0], y[0], "o", mfc="white", mec=INK, ms=8, zorder=6, label="start")
+        ax.plot(x[-1], y[-1], "s", mfc="white", mec=INK, ms=8, zorder=6, label="end")
+        worst = worst_of(run)
+        if worst is not None:
+            label = f"steepest: {tilt[worst]:.1f}° at {float(run['distance'][worst]):.4g} m"
+            ax.plot(x[worst], y[worst], "*", mfc="#F0E442", mec=INK, ms=15, zorder=7, label=label)
+        _scale_bar(ax, bounds)
+        east, north = ("easting (m)", "northing (m)") if terrain.crs else ("x (m)", "y (m)")
+        _plain_metres(ax, east, north)
+        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, handletextpad=0.4)
+
+        size = np.array([terrain.bounds[2] - terrain.bounds[0], terrain.bounds[3] - terrain.bounds[1]])
+        inset = 1.6 * size / size.max()
+        small = axes(left + across + 0.35, page[1] - above - inset[1], *inset)
+        _hillshade(small, terrain, terrain.bounds, contours=False)
+        small.plot(x, y, color="#b00000", lw=1.2)
+        small.add_patch(Rectangle(bounds[:2], wide, high, fill=False, ec=INK, lw=1))
+        small.set_xticks([])
+        small.set_yticks([])
+        small.set_title(terrain.name, fontsize=8, fontweight="normal")
+        small.set_xlabel(f"{size[0]:.4g} m × {size[1]:.4g} m", fontsize=8)
+        bar = axes(left + across + 0.35, below, 0.18, min(2.6, page[1] - above - below - inset[1] - 0.55))
+        fig.colorbar(ScalarMappable(scale, "plasma"), cax=bar, label="tilt (deg)")
+    return fig
+
+
+def run_profile(rover: Rover, terrain: Terrain, run: xr.Dataset) -> Figure:
+    """Ground, attitude, joints and clearance over the distance driven, with the stops and what became of each pose."""
+    s = run["distance"].values
+    with look():
+        fig = figure(9.0, 9.0)
+        axes = fig.subplots(5, 1, sharex=True, height_ratios=(1, 1.25, 1.25, 0.8, 0.14))
+        ground, attitude, joints, belly, strip = axes
+        z = terrain.height(run["x"].values, run["y"].values)
+        ground.fill_between(s, z, np.nanmin(z), color="#d9b48f", lw=0, label="ground below the reference point")
+        ground.plot(s, run["z"], color=COLOURS["z"], label="reference point z")
+        ground.set_ylabel("height (m)")
+        for name in ("roll", "pitch"):
+            attitude.plot(s, np.degrees(run[name]), color=COLOURS[name], label=name)
+        attitude.plot(s, np.degrees(tilt_of(run)), color=COLOURS["tilt"], lw=1.0, ls=(0, (1, 1)), label="tilt")
+        attitude.set_ylabel("attitude (deg)")
+        joints.plot(s, np.degrees(run["rocker"]), color=COLOURS["rocker"], label="rocker ρ")
+        for side, colour in (("left", LEFT), ("right", RIGHT)):
+            joints.plot(s, np.degrees(run["bogie"].sel(side=side)), color=colour, label=f"{side} bogie β")
+        _stops(joints, rover.rocker_limits, COLOURS["rocker"], "rocker stop")
+        _stops(joints, rover.bogie_limits, "#8a6d3b", "bogie stop")
+        joints.set_ylabel("joints (deg)")
+        belly.plot(s, run["clearance"], color="#009E73", label="least height of the body over the ground")
+        belly.axhline(0, color="#b00000", lw=1)
+        belly.set_ylabel("clearance (m)")
+        _status_strip(strip, s, run["status"].values)
+        worst = worst_of(run)
+        for ax in (ground, attitude, joints, belly):
+            if worst is not None:
+                ax.axvline(s[worst], color=INK, lw=0.9, ls=(0, (4, 3)))
+            ax.legend(loc="lower left", bbox_to_anchor=(0, 0.98), ncols=5, fontsize=8.5, borderaxespad=0.1)
+            ax.tick_params(labelbottom=False)
+        if worst is not None:
+            ground.annotate(
+                "steepest", (s[worst], 1), xycoords=("data", "axes fraction"), xytext=(3, -10), textcoords="offset points", fontsize=8.5
+            )
+        strip.set_xlim(s[0], s[-1])
+        fig.align_ylabels(axes[:4])
+    return fig
+
+
+def _stops(ax: Axes, limits: Array, colour: str, label: str) -> None:
+    for k, limit in enumerate(np.degrees(limits[np.isfinite(limits)])):
+        ax.axhline(limit, color=colour, lw=1, ls=(0, (6, 2)), label=f"{label} {limit:+.3g}°" if k == 0 else f"{limit:+.3g}°")
+
+
+def _status_strip(ax: Axes, s: Array, status: Array) -> None:
+    edges = np.concatenate([s[:1], (s[1:] + s[:-1]) / 2, s[-1:]])
+    codes = [Status(int(code)) for code in np.unique(status)]
+    for code in codes:
+        for k in np.flatnonzero(status == code):
+            ax.axvspan(edges[k], edges[k + 1], color=_STATUS_COLOURS[code], lw=0)
+    ax.set_yticks([])
+    ax.grid(False)
+    ax.set_xlabel("distance along the path (m)")
+    labels = [Patch(color=_STATUS_COLOURS[c], label=f"{c.name}: {MEANING[c][0]} ({100 * (status == c).mean():.3g} %)") for c in codes]
+    ax.legend(handles=labels, loc="upper left", bbox_to_anchor=(0, -2.6), fontsize=8, borderaxespad=0)
+
+
+def _around(x: Array, y: Array, whole: Bounds, room: float) -> Bounds:
+    """A window about the path, not too long for its width, within the map."""
+    low, high = np.array([x.min(), y.min()]), np.array([x.max(), y.max()])
+    middle, half = (low + high) / 2, (high - low) / 2
+    half = np.maximum(half + np.maximum(room, 0.15 * half.max()), 0.55 * half.max())
+    least, most = np.array(whole[:2]), np.array(whole[2:])
+    start, end = np.maximum(middle - half, least), np.minimum(middle + half, most)
+    return float(start[0]), float(start[1]), float(end[0]), float(end[1])
+
+
+def _hillshade(ax: Axes, terrain: Terrain, bounds: Bounds, *, contours: bool) -> None:
+    span = max(bounds[2] - bounds[0], bounds[3] - bounds[1])
+    step = max(span / _MAP_PIXELS, min(terrain.spacing) / 4)
+    x = np.arange(bounds[0], bounds[2], step)
+    y = np.arange(bounds[1], bounds[3], step)
+    z = terrain.height(*np.meshgrid(x, y))
+    shade = LightSource(315, 45).hillshade(np.nan_to_num(z, nan=float(np.nanmedian(z))), dx=step, dy=-step)
+    colours = 0.42 + 0.5 * np.repeat(shade[..., None], 3, axis=-1)
+    colours[np.isnan(z)] = (0.75, 0.85, 0.95)
+    ax.imshow(colours, extent=(x[0], x[-1], y[0], y[-1]), origin="lower", interpolation="bilinear")
+    ax.grid(False)
+    ax.set_aspect("equal")
+    ax.set_xlim(x[0], x[-1])
+    ax.set_ylim(y[0], y[-1])
+    if contours:
+        levels = MaxNLocator(10).tick_values(float(np.nanmin(z)), float(np.nanmax(z)))
+        lines = ax.contour(x, y, z, levels=levels, colors="#4a4036", linewidths=0.6, alpha=0.7)
+        ax.clabel(lines, fmt="%g m", fontsize=7)
+
+
+def _scale_bar(ax: Axes, bounds: Bounds) -> None:
+    span = bounds[2] - bounds[0]
+    rough = span / 5
+    power = 10.0 ** np.floor(np.log10(rough))
+    length = max(m * power for m in (1, 2, 5) if m * power <= rough)
+    x, y = bounds[0] + 0.04 * span, bounds[1] + 0.045 * (bounds[3] - bounds[1])
+    ax.plot([x, x + length], [y, y], color=INK, lw=3, solid_capstyle="butt", path_effects=_HALO, zorder=8)
+    ax.annotate(
+        f"{length:g} m", (x + length / 2, y), xytext=(0, 5), textcoords="offset points", ha="center", fontsize=9, path_effects=_HALO, zorder=8
+    )
+
+
+def _plain_metres(ax: Axes, across: str, up: str) -> None:
+    ax.set_xlabel(across)
+    ax.set_ylabel(up)
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_locator(MaxNLocator(5))
+        axis.set_major_formatter(StrMethodFormatter("{x:,.6g}" if max(map(abs, axis.get_view_interval())) < 1e5 else "{x:,.0f}"))

@@ -1,0 +1,136 @@
+"""One pose from near: the rover on its piece of ground with its contacts, and the numbers beside it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+from numpy.typing import NDArray
+
+from ..rover import Rover
+from ..status import MEANING, Status
+from ..terrain import Terrain
+from .charts import tilt_of
+from .landscape import block_base, ground_mesh, sample_ground
+from .render import Mesh, hidden_by
+from .scene import Bounds, draw, grid_step, look_from, rule_block, stance_mesh
+from .style import INK, LEFT, RIGHT, figure, look
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+_SIZE = (1230, 930)
+_HALO = [withStroke(linewidth=3, foreground="white")]
+
+
+def pose_figure(rover: Rover, terrain: Terrain, stance: xr.Dataset, title: str) -> Figure:
+    """The rover in one pose (a Dataset without a time axis), seen from the side the ground falls away to."""
+    bounds = _patch(rover, stance, terrain)
+    base = block_base(sample_ground(terrain, bounds)[2])
+    mesh = Mesh.join([ground_mesh(terrain, bounds, base), stance_mesh(rover, stance)])
+    camera = look_from(_seen_from(terrain, stance, bounds), np.radians(21), mesh, _SIZE, (0.06, 0.04, 0.03, 0.10))
+    origin = (float(np.floor(bounds[0])), float(np.floor(bounds[1]))) if max(map(abs, bounds)) > 1e4 else (0.0, 0.0)
+    with look():
+        fig = figure(11.4, 6.6)
+        fig.set_layout_engine("none")
+        ax = fig.add_axes((0, 0, 0.72, 0.94))
+        draw(ax, mesh, camera, grid_step(bounds))
+        rule_block(ax, camera, bounds, base, origin)
+        point = stance["contact_point"].values
+        place = camera.project(point)[:, :2]
+        behind = hidden_by(mesh, camera, point) > 1.2 * rover.wheel_radius  # something other than its own wheel
+        for i, name in enumerate(rover.wheel_names):
+            if np.isfinite(place[i]).all():
+                ax.plot(*place[i], "o", ms=6, mfc="none" if behind[i] else "#F0E442", mec=INK, mew=1.0, alpha=0.5 if behind[i] else 1.0)
+                ax.annotate(
+                    name, place[i], xytext=(0, -15), textcoords="offset points", ha="center", fontsize=9.5, fontweight="bold",
+                    color=(LEFT, RIGHT)[i % 2], path_effects=_HALO, alpha=0.6 if behind[i] else 1.0,
+                )  # fmt: skip
+        fig.text(0.02, 0.955, title, fontsize=13, fontweight="bold")
+        note = f"contact points in yellow (hollow: hidden from here) · grid {grid_step(bounds):g} m"
+        if origin != (0.0, 0.0):
+            note += f" · axes from ({origin[0]:.0f}, {origin[1]:.0f})"
+        fig.text(0.02, 0.92, note, fontsize=8.5, color="#666666")
+        numbers = fig.add_axes((0.72, 0.02, 0.27, 0.9))
+        numbers.set_axis_off()
+        _write_numbers(numbers, rover, stance)
+    return fig
+
+
+def _write_numbers(ax: Axes, rover: Rover, stance: xr.Dataset) -> None:
+    def degrees(value: float) -> str:
+        return f"{np.degrees(value):+.2f}°".replace("+-", "-")
+
+    def stops(limits: Array) -> str:
+        return "" if np.isinf(limits).all() else f"stops {np.degrees(limits[0]):+.3g}°, {np.degrees(limits[1]):+.3g}°"
+
+    status = Status(int(stance["status"]))
+    left, right = (float(b) for b in stance["bogie"].values)
+    rows: list[tuple[str, str, str]] = [
+        ("x", f"{float(stance['x']):.3f} m", ""),
+        ("y", f"{float(stance['y']):.3f} m", ""),
+        ("z", f"{float(stance['z']):.4f} m", ""),
+        ("tilt", f"{np.degrees(float(tilt_of(stance))):.2f}°", ""),
+        ("roll", degrees(float(stance["roll"])), "left side up is +"),
+        ("pitch", degrees(float(stance["pitch"])), "nose down is +"),
+        ("yaw", degrees(float(stance["yaw"])), "left of +x is +"),
+        ("rocker ρ", degrees(float(stance["rocker"])), stops(rover.rocker_limits)),
+        ("bogie left", degrees(left), stops(rover.bogie_limits)),
+        ("bogie right", degrees(right), ""),
+        ("clearance", f"{float(stance['clearance']):.3f} m", "body over ground"),
+    ]
+    y, line = 0.985, 0.039
+    for name, value, note in rows:
+        ax.text(0.0, y, name, color="#555555")
+        ax.text(0.56, y, value, ha="right", fontweight="bold" if name == "tilt" else "normal")
+        ax.text(0.60, y, note, fontsize=8, color="#777777")
+        y -= line
+    y -= 0.5 * line
+    heads = (("wheel", 0.0, "left"), ("contact δ", 0.40, "right"), ("gap", 0.64, "right"), ("touches at z (m)", 1.0, "right"))
+    for head, x, side in heads:
+        ax.text(x, y, head, ha=side, color="#555555", fontsize=8.5)
+    ax.plot([0, 1], [y - 0.35 * line] * 2, color="#bbbbbb", lw=0.8)
+    for i, name in enumerate(rover.wheel_names):
+        y -= line
+        gap = float(stance["gap"][i])
+        cells = (name, degrees(float(stance["contact_angle"][i])), _length(gap), f"{float(stance['contact_point'][i, 2]):.3f}")
+        for cell, (_, x, side) in zip(cells, heads, strict=True):
+            ax.text(x, y, cell, ha=side, color=(LEFT, RIGHT)[i % 2] if x == 0 else INK)
+    y -= 1.6 * line
+    ax.text(0.0, y, status.name, fontweight="bold", color="#00704f" if status == Status.CONVERGED else "#b00000")
+    ax.text(0.0, y - line, MEANING[status][0], fontsize=8.5, color="#555555", wrap=True, va="top")
+    ax.set_xlim(0, 1)
+    ax.set_ylim(0, 1)
+
+
+def _length(gap: float) -> str:
+    if not np.isfinite(gap):
+        return "–"
+    return "0 mm" if abs(gap) < 5e-7 else f"{1e3 * gap:.3g} mm"
+
+
+def _patch(rover: Rover, stance: xr.Dataset, terrain: Terrain) -> Bounds:
+    """The ground under the rover and a wheelbase's third around it, m."""
+    point = stance["contact_point"].values[:, :2]
+    room = 0.3 * rover.wheelbase + float(rover.wheel_radius.max())
+    low = np.maximum(np.nanmin(point, axis=0) - room, terrain.bounds[:2])
+    high = np.minimum(np.nanmax(point, axis=0) + room, terrain.bounds[2:])
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+def _seen_from(terrain: Terrain, stance: xr.Dataset, bounds: Bounds) -> float:
+    """Of the four corner views of the rover, that from which the ground rises away, rad."""
+    x, y, z = sample_ground(terrain, bounds)
+    known = np.isfinite(z)
+    px, py = np.meshgrid(x - x.mean(), y - y.mean())
+    plane, *_ = np.linalg.lstsq(np.stack([px[known], py[known], np.ones(known.sum())], axis=1), z[known], rcond=None)
+    downhill = float(np.arctan2(-plane[1], -plane[0]))
+    corners = float(stance["yaw"]) + np.radians([-55.0, 55.0, -125.0, 125.0])
+    best = float(corners[np.argmax(np.cos(corners - downhill) + 1e-6 * np.array([3, 2, 1, 0]))])
+    quarter, past = divmod(best, np.pi / 2)  # and never along a side of the block, whose axis could not be read
+    return float(quarter * np.pi / 2 + np.clip(past, np.radians(25), np.radians(65)))
