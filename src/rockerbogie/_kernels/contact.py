@@ -97,32 +97,60 @@ def newton(
             q[k] += scale * step[k]
     return 9, most
 
+
 # Codes as rockerbogie.Status
 CONVERGED, OFF_MAP, NO_DATA, JOINT_STOP, NOT_CONVERGED, WHEEL_LIFTED, BELLY_CONTACT, TIPPED = range(8)
-TOLERANCE = 1e-10
-MOST = 40
+TOLERANCE = 1e-10  # of every gap, m
+STEPS = 15  # Newton needs three on smooth ground, five on rough; a cycle between two rocks shows by then
+STARTS = 32
+STRAYED = 3  # starts that may leave the known ground before the place itself is said to be off it
+WIDEST = 1.4  # rad: a settled joint or attitude beyond this is the linkage folded over, not standing
+
+
+@njit
+def start_pose(
+    grid: Array, meta: Array, rover: Array, feet: Array, x: float, y: float, cy: float, sy: float, attempt: int, q: Array, touch: Array,
+) -> None:  # fmt: skip
+    """The pose to start from: level for the first attempt, then leaning and bent by a fixed low-discrepancy sequence."""
+    touch[:] = 0.0
+    q[Z] = surface(grid, meta, x, y)[0] + rover[P_RADIUS] - rover[P_HUB + 2] - rover[P_PIVOT + 2]
+    spread = 0.2 + 0.2 * (attempt % 3)
+    share = 1.0
+    for k in range(1, 6):
+        share *= 0.8812714616335696  # powers of 1 / the root of t^6 = t + 1 fill five dimensions evenly
+        part = 0.5 + attempt * share
+        q[k] = 2.0 * spread * (part - math.floor(part) - 0.5)
 
 
 @njit
 def settle_contact(
     grid: Array, meta: Array, rover: Array, feet: Array, x: float, y: float, cy: float, sy: float, q: Array, touch: Array
 ) -> int:
-    """Fill q with the settled pose, nan when there is none; returns a status code."""
-    q[:] = 0.0
-    start = surface(grid, meta, x, y)[0]
-    q[Z] = start + rover[P_RADIUS] - rover[P_HUB + 2] - rover[P_PIVOT + 2]
-    code, _ = newton(grid, meta, rover, feet, x, y, cy, sy, q, TOLERANCE, MOST, touch)
-    if code == FOUND:
-        for k in range(3):
-            angle = q[ROCKER + k]
-            low = rover[P_STOPS] if k == 0 else rover[P_STOPS + 2]
-            high = rover[P_STOPS + 1] if k == 0 else rover[P_STOPS + 3]
-            if not low <= angle <= high:
-                return JOINT_STOP
-        return CONVERGED
+    """Fill q with the settled pose, nan when there is none; returns a status code.
+
+    Newton from a level start. Where two contacts of a wheel take turns it may cycle; then it starts anew from another
+    attitude: the first start that settles upright counts, so the answer never depends on anything but the pose asked for.
+    """
+    strayed = 0
+    for attempt in range(STARTS):
+        start_pose(grid, meta, rover, feet, x, y, cy, sy, attempt, q, touch)
+        code, _ = newton(grid, meta, rover, feet, x, y, cy, sy, q, TOLERANCE, STEPS, touch)
+        if code == OFF or code == BLANK:
+            strayed += 1
+            if strayed == STRAYED:
+                q[:] = math.nan
+                return OFF_MAP if code == OFF else NO_DATA
+        elif code == FOUND and max(max(abs(q[1]), abs(q[2])), max(abs(q[3]), max(abs(q[4]), abs(q[5])))) < WIDEST:
+            return JOINT_STOP if beyond_stops(rover, q) else CONVERGED
     q[:] = math.nan
-    if code == OFF:
-        return OFF_MAP
-    if code == BLANK:
-        return NO_DATA
     return NOT_CONVERGED
+
+
+@njit
+def beyond_stops(rover: Array, q: Array) -> bool:
+    """Whether a joint stands beyond its stop."""
+    for k in range(3):
+        at = P_STOPS if k == 0 else P_STOPS + 2
+        if not rover[at] <= q[ROCKER + k] <= rover[at + 1]:
+            return True
+    return False
