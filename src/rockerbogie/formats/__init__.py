@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 from ..errors import RoverError, unknown_name
 from ..rover import Rover
+from .build import Import, build
+from .safe_xml import MAX_BYTES
 from .toml import read_toml
+from .tree import Tree
+from .urdf import read_urdf, to_urdf
 
-__all__ = ["load_rover", "presets"]
+__all__ = ["Import", "import_rover", "load_rover", "presets", "to_urdf"]
 
 
 def presets() -> dict[str, Path]:
@@ -19,7 +26,10 @@ def presets() -> dict[str, Path]:
 
 
 def load_rover(name_or_path: str | Path) -> Rover:
-    """A rover by the name of a preset, or from a file (`.toml`).
+    """A rover by the name of a preset, or from a file: `.toml`, or a robot description (`.urdf`, `.sdf`, `.xml` MJCF).
+
+    Where a robot description had to be guessed at or mended, a warning says so; `import_rover` tells what, and lets you
+    overrule it.
 
     Raises:
         RoverError: no such preset or file, or a file that does not describe a rover that can be.
@@ -27,19 +37,69 @@ def load_rover(name_or_path: str | Path) -> Rover:
     known = presets()
     text = str(name_or_path)
     if text in known:
-        path = known[text] / "rover.toml"
-    else:
-        path = Path(name_or_path)
-        if not path.suffix and len(path.parts) == 1:
-            raise RoverError(unknown_name("rover", text, known) + " Or give the path of a .toml file.")
-    return read_toml(_read(path), name=path.parent.name if text in known else path.stem)
-
-
-def _read(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:
-        reason = (
-            "it is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else getattr(error, "strerror", None) or str(error)
+        return read_toml(_read(known[text] / "rover.toml").decode(), name=text)
+    path = Path(name_or_path)
+    if not path.suffix and len(path.parts) == 1 and not path.exists():
+        raise RoverError(f"{unknown_name('rover', text, known)} Or give the path of a .toml, .urdf, .sdf or MJCF .xml file.")
+    if path.suffix.lower() == ".toml":
+        return read_toml(_decoded(_read(path), path.name), name=path.stem)
+    result = import_rover(path)
+    if result.guessed or result.mended:
+        warnings.warn(
+            f"{path.name}: {len(result.guessed)} things guessed and {len(result.mended)} mended; rockerbogie.import_rover says which",
+            stacklevel=2,
         )
-        raise RoverError(f"cannot read rover file {str(path)!r}: {reason}") from None
+    return result.rover
+
+
+def import_rover(
+    path: str | Path,
+    *,
+    scale: float = 1.0,
+    forward: str | None = None,
+    up: str | None = None,
+    joints: dict[str, Sequence[str]] | None = None,
+    **overrule: Any,
+) -> Import:
+    """A rover from a robot description, found by structure: which hinge carries what, not how it is called.
+
+    Args:
+        path: a URDF (expanded, if from xacro), SDF or MJCF file.
+        scale: metres in the file's unit of length: 0.001 for millimetres.
+        forward, up: the rover's directions as axes of the file's root frame ("x", "-y", ...), where they are taken wrong.
+        joints: names of the joints that are "wheels" (6), "bogies" (2) or "rockers" (2; fixed ones may be named), or all
+            that steer ("steering"), where the search goes wrong.
+        overrule: any argument of `Rover.from_pivots`, in metres and radians in the rover's own frame, to be used in
+            place of what the file says.
+
+    Returns:
+        The rover, with what was found, guessed and mended, line by line.
+
+    Raises:
+        RoverError: a file that is refused, holds no rocker-bogie, or describes one that cannot be.
+    """
+    file = Path(path)
+    return build(read_tree(_read(file), file.name), file.name, scale=scale, forward=forward, up=up, joints=joints, **overrule)
+
+
+def read_tree(data: bytes, what: str) -> Tree:
+    """The kinematic tree of a robot description, by the ending of its name."""
+    return read_urdf(data, what)
+
+
+def _read(path: Path) -> bytes:
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise RoverError(f"{path.name}: {path.stat().st_size / 1e6:.0f} MB; a rover takes well under one, the limit is {MAX_BYTES / 1e6:.0f} MB")
+        return path.read_bytes()
+    except (OSError, ValueError) as error:
+        if isinstance(error, RoverError):
+            raise
+        raise RoverError(f"cannot read rover file {str(path)!r}: {getattr(error, 'strerror', None) or error}") from None
+
+
+def _decoded(data: bytes, what: str) -> str:
+    try:
+        return data.decode()
+    except UnicodeDecodeError:
+        raise RoverError(f"{what}: it is not UTF-8 text") from None
