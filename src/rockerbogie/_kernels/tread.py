@@ -136,7 +136,7 @@ def _least_on_arc(
     for k in range(pieces):
         b = low + (high - low) * (k + 1) / pieces if k + 1 < pieces else high
         fb, gb, _ = _slope(grid, meta, w, c, b, s)
-        if ga < 0.0 and gb > 0.0:
+        if ga < 0.0 and gb >= 0.0:  # nought at b too: the next piece would not see a fall
             left, right = a, b
             t = a - ga * (b - a) / (gb - ga)
             for _ in range(60):
@@ -281,7 +281,7 @@ def _inside_bilinear(
     for k in range(pieces):
         b = start + whole * (k + 1) / pieces
         gb = math.tan(b) / w[COS] + k1 + 2.0 * k2 * r * math.sin(b)
-        if ga < 0.0 < gb:
+        if ga < 0.0 <= gb:
             left, right = a, b
             t = 0.5 * (a + b)
             for _ in range(60):

@@ -1,0 +1,286 @@
+"""A slow model written from the definitions alone: what the kernels are held against. Nothing of `_kernels` is used here.
+
+Ground. Linear: bilinear between the four nodes of a cell. Cubic: the bicubic interpolating spline, as scipy makes it.
+Wheel. The rim of radius r swept over |s| ≤ width / 2: points hub + s a + r (-sin φ X - cos φ Z), φ the whole way round,
+X, a, Z the axle frame's directions. Gap: the least of (tread z - ground z) over all of them.
+
+The gap is found by halving boxes of (φ, s) and dropping those that are proved to lie higher than the best point seen:
+the answer is bracketed, best - tolerance ≤ gap ≤ best, however many places come near it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import factorial
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import RectBivariateSpline
+from scipy.spatial.transform import Rotation
+
+from rockerbogie import Rover, Terrain
+
+Array = NDArray[np.float64]
+Cell = tuple[NDArray[np.int64], NDArray[np.int64]]  # rows, columns
+
+
+@dataclass
+class Ground:
+    """A height field as one polynomial a cell: z = Σ patch[row, col, b, a] u^a v^b, (u, v) metres from the cell's corner."""
+
+    patch: Array  # (rows - 1, cols - 1, order, order)
+    bend: Array  # (rows - 1, cols - 1, 3) bounds of |z_xx|, |z_xy|, |z_yy| over the cell
+    spacing: tuple[float, float]
+    origin: tuple[float, float]
+
+    @classmethod
+    def of(cls, terrain: Terrain) -> Ground:
+        """The ground a Terrain says it is, from its heights, spacing and kind."""
+        z = np.asarray(terrain.z, dtype=float)
+        dx, dy = terrain.spacing
+        rows, cols = z.shape
+        if terrain.interpolation == "linear":
+            a, b, c, d = z[:-1, :-1], z[:-1, 1:], z[1:, :-1], z[1:, 1:]
+            rise, climb, twist = (b - a) / dx, (c - a) / dy, (a - b - c + d) / (dx * dy)
+            patch = np.stack([np.stack([a, rise], -1), np.stack([climb, twist], -1)], -2)
+            bend = np.stack([0 * twist, abs(twist), 0 * twist], -1)
+            return cls(patch, bend, terrain.spacing, terrain.origin)
+        x, y = dx * np.arange(cols), dy * np.arange(rows)
+        spline = RectBivariateSpline(y, x, z, s=0)
+        at_node = np.zeros((rows, cols, 4, 4))
+        for b in range(3):
+            for a in range(3):
+                at_node[..., b, a] = spline(y, x, dx=b, dy=a)
+        at_node[:, :-1, :, 3] = np.diff(at_node[..., 2], axis=1) / dx  # the third is the same all over a cell
+        at_node[:-1, :, 3, :] = np.diff(at_node[..., 2, :], axis=0) / dy
+        over = np.array([factorial(k) for k in range(4)])
+        patch = at_node[:-1, :-1] / np.outer(over, over)
+        return cls(patch, _bend(patch, dx, dy), terrain.spacing, terrain.origin)
+
+    def cells(self, x: Array, y: Array) -> Cell:
+        """Row and column of the cell of each point; beyond the map's rim, the rim's."""
+        rows, cols = self.patch.shape[:2]
+        col = np.clip(np.floor((x - self.origin[0]) / self.spacing[0]).astype(int), 0, cols - 1)
+        row = np.clip(np.floor((y - self.origin[1]) / self.spacing[1]).astype(int), 0, rows - 1)
+        return row, col
+
+    def patch_at(self, row: NDArray[np.int64], col: NDArray[np.int64], x: Array, y: Array) -> tuple[Array, Array, Array]:
+        """z, z_x, z_y at (x, y) of the given cells' polynomials, carried on past the cell where the point lies outside."""
+        u = x - (self.origin[0] + self.spacing[0] * col)
+        v = y - (self.origin[1] + self.spacing[1] * row)
+        c = self.patch[row, col]
+        order = c.shape[-1]
+        z, zx, zy = np.zeros_like(u), np.zeros_like(u), np.zeros_like(u)
+        for b in reversed(range(order)):
+            line, slope = np.zeros_like(u), np.zeros_like(u)
+            for a in reversed(range(order)):
+                slope = slope * u + line
+                line = line * u + c[:, b, a]
+            zy = zy * v + z
+            z = z * v + line
+            zx = zx * v + slope
+        return z, zx, zy
+
+    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """(...) z at points."""
+        px, py = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+        flat = px.ravel(), py.ravel()
+        return self.patch_at(*self.cells(*flat), *flat)[0].reshape(px.shape)
+
+
+def _bend(patch: Array, dx: float, dy: float) -> Array:
+    """Bounds of the second derivatives over each cell: a polynomial lies within its Bernstein coefficients."""
+    unit = patch * np.outer(dy ** np.arange(4), dx ** np.arange(4))
+    to_bernstein = np.array(
+        [[factorial(i) / factorial(i - k) * factorial(3 - k) / 6 if k <= i else 0 for k in range(4)] for i in range(4)]
+    )
+    b = np.einsum("ik,...kl,jl->...ij", to_bernstein, unit, to_bernstein)
+
+    def greatest(c: Array) -> Array:
+        return np.asarray(abs(c).max(axis=(-2, -1)))
+
+    return np.stack(
+        [
+            greatest(6 * np.diff(b, 2, axis=-1)) / dx**2,
+            greatest(9 * np.diff(np.diff(b, axis=-1), axis=-2)) / (dx * dy),
+            greatest(6 * np.diff(b, 2, axis=-2)) / dy**2,
+        ],
+        -1,
+    )
+
+
+@dataclass
+class Wheels:
+    """m wheels in the world: hubs (m, 3), axle frames' X, Y (along the axle), Z (m, 3), radius and half width (m,)."""
+
+    hub: Array
+    X: Array
+    Y: Array
+    Z: Array
+    radius: Array
+    half: Array
+
+    def take(self, index: ArrayLike) -> Wheels:
+        """Some of them, or some of them many times over."""
+        return Wheels(*(getattr(self, name)[np.asarray(index)] for name in ("hub", "X", "Y", "Z", "radius", "half")))
+
+    def tread(self, phi: Array, s: Array) -> tuple[Array, Array]:
+        """Points (m, 3) of the tread, one a wheel, and their derivative by φ."""
+        r, sin, cos = self.radius[:, None], np.sin(phi)[:, None], np.cos(phi)[:, None]
+        return self.hub + s[:, None] * self.Y - r * (sin * self.X + cos * self.Z), r * (sin * self.Z - cos * self.X)
+
+
+def _about(axis: int, angle: Array) -> Rotation:
+    return Rotation.from_rotvec(np.multiply.outer(angle, np.eye(3)[axis]))
+
+
+def stand(rover: Rover, x: ArrayLike, y: ArrayLike, yaw: ArrayLike, q: ArrayLike, steering: ArrayLike | None = None) -> Wheels:
+    """The wheels (6 n) of poses (n,): q (n, 6) is z, roll, pitch, left rocker, bogies left and right.
+
+    From the body out: R = Rz(yaw) Ry(pitch) Rx(roll); every suspension joint turns about the body's y; a wheel steers
+    about the upright line through its hub plus its steering offset.
+    """
+    q = np.atleast_2d(np.asarray(q, dtype=float))
+    n = len(q)
+    x, y, yaw = (np.broadcast_to(np.asarray(a, dtype=float), n) for a in (x, y, yaw))
+    psi = np.broadcast_to(np.zeros(6) if steering is None else np.asarray(steering, dtype=float), (n, 6))
+    body = _about(2, yaw) * _about(1, q[:, 2]) * _about(0, q[:, 1])
+    at = np.stack([x, y, q[:, 0]], -1)
+    right = sum(c * q[:, 3] ** k for k, c in enumerate(rover.differential))
+    hubs, frames = np.empty((n, 6, 3)), np.empty((n, 6, 3, 3))
+    for i in range(6):
+        side = i % 2
+        arm = _about(1, q[:, 3] if side == 0 else right)
+        origin, link, angle = rover.rocker_pivot[side], rover.rocker_pivot[side], arm
+        if i >= 2:
+            origin = rover.rocker_pivot[side] + arm.apply(rover.bogie_pivot[side] - rover.rocker_pivot[side])
+            link = rover.bogie_pivot[side]
+            angle = arm * _about(1, q[:, 4 + side])
+        turn = _about(2, psi[:, i])
+        post = rover.hubs[i] + [*rover.steering_offset[i], 0.0]
+        hub = post + turn.apply(rover.hubs[i] - post)
+        hubs[:, i] = at + body.apply(origin + angle.apply(hub - link))
+        frames[:, i] = (body * angle * turn).as_matrix()
+    flat = frames.reshape(-1, 3, 3)
+    return Wheels(
+        hubs.reshape(-1, 3), flat[:, :, 0], flat[:, :, 1], flat[:, :, 2],
+        np.tile(rover.wheel_radius, n), np.tile(rover.wheel_width / 2, n),
+    )  # fmt: skip
+
+
+@dataclass
+class Least:
+    """The best point of each tread: best - tolerance ≤ gap ≤ best, and where (φ, s) it is."""
+
+    gap: Array
+    phi: Array
+    s: Array
+
+
+def least_gap(ground: Ground, wheels: Wheels, tolerance: float = 1e-10) -> Least:
+    """The gap of each wheel (m,), bracketed to `tolerance`, over the whole of its tread."""
+    m = len(wheels.radius)
+    best = Least(np.full(m, np.inf), np.zeros(m), np.zeros(m))
+    k, phi, s, dphi, ds = _boxes(ground, wheels)
+    while k.size:
+        w = wheels.take(k)
+        f, low, split_phi = _look(ground, w, phi, s, dphi, ds)
+        order = np.lexsort((f, k))
+        first = order[np.unique(k[order], return_index=True)[1]]
+        first = first[f[first] < best.gap[k[first]]]
+        best.gap[k[first]], best.phi[k[first]], best.s[k[first]] = f[first], phi[first], s[first]
+        keep = low < best.gap[k] - tolerance
+        k, phi, s, dphi, ds, split_phi = (a[keep] for a in (k, phi, s, dphi, ds, split_phi))
+        dphi, ds = np.where(split_phi, dphi / 2, dphi), np.where(split_phi, ds, ds / 2)
+        step, side = np.where(split_phi, dphi, 0.0), np.where(split_phi, 0.0, ds)
+        phi, s = np.concatenate([phi - step, phi + step]), np.concatenate([s - side, s + side])
+        k, dphi, ds = np.tile(k, 2), np.tile(dphi, 2), np.tile(ds, 2)
+        assert k.size < 4_000_000, "the brackets do not close: not a ground this search can prove"
+    return best
+
+
+def _boxes(ground: Ground, wheels: Wheels) -> tuple[NDArray[np.int64], Array, Array, Array, Array]:
+    """Boxes (wheel, φ, s, half sizes) that cover every tread, none reaching over more than one cell's size in x or y."""
+    cell = min(ground.spacing)
+    out = []
+    for i, (r, half) in enumerate(zip(wheels.radius, wheels.half, strict=True)):
+        n_phi = max(12, int(np.ceil(4 * np.pi * r / cell)))
+        n_s = max(1, int(np.ceil(4 * half / cell)))
+        phi = np.pi * ((2 * np.arange(n_phi) + 1) / n_phi - 1)
+        s = half * ((2 * np.arange(n_s) + 1) / n_s - 1)
+        p, q = (a.ravel() for a in np.meshgrid(phi, s, indexing="ij"))
+        out.append((np.full(p.size, i), p, q, np.full(p.size, np.pi / n_phi), np.full(p.size, half / n_s)))
+    return tuple(np.concatenate(a) for a in zip(*out, strict=True))  # type: ignore[return-value]
+
+
+def _look(ground: Ground, w: Wheels, phi: Array, s: Array, dphi: Array, ds: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Height over ground at each box's middle, a bound from below over the box, and whether φ makes most of its slack."""
+    p, along = w.tread(phi, s)
+    curl = 0.5 * w.radius[:, None] * np.hypot(w.X, w.Z) * dphi[:, None] ** 2  # what second order in φ moves x, y, z by
+    turned, slid = abs(along) * dphi[:, None] + curl, abs(w.Y) * ds[:, None]
+    rx, ry = (turned + slid)[:, :2].T
+    lowest, highest = ground.cells(p[:, 0] - rx, p[:, 1] - ry), ground.cells(p[:, 0] + rx, p[:, 1] + ry)
+    corners = [(row, col) for row in (lowest[0], highest[0]) for col in (lowest[1], highest[1])]
+    bend = np.max([ground.bend[c] for c in corners], axis=0)
+
+    def bent(ax: Array, ay: Array) -> Array:
+        return 0.5 * bend[:, 0] * ax**2 + bend[:, 1] * ax * ay + 0.5 * bend[:, 2] * ay**2
+
+    def over(cell: Cell) -> Over:
+        h, hx, hy = ground.patch_at(*cell, p[:, 0], p[:, 1])
+        return Over(
+            p[:, 2] - h,
+            along[:, 2] - hx * along[:, 0] - hy * along[:, 1],
+            w.Y[:, 2] - hx * w.Y[:, 0] - hy * w.Y[:, 1],
+            curl[:, 2] + abs(hx) * curl[:, 0] + abs(hy) * curl[:, 1] + bent(rx, ry),
+            hx,
+            hy,
+        )
+
+    here = over(ground.cells(p[:, 0], p[:, 1]))
+    cells = [here]
+    low = here.low(dphi, ds)
+    if ground.patch.shape[-1] == 2:  # kinked: each point of the box lies over one of the cells it reaches
+        cells = [over(c) for c in corners]
+        low = np.min([one.low(dphi, ds) for one in cells], axis=0)
+        ridge = _ridge(ground, lowest, highest, cells[0], cells[3], rx, ry)
+        low = np.where(ridge, np.maximum(low, _over_ridge(cells[0], cells[3], dphi, ds)), low)
+    turn = np.max([abs(one.by_phi) * dphi for one in cells], axis=0) + curl[:, 2] + bent(*turned[:, :2].T)
+    slide = np.max([abs(one.by_s) * ds for one in cells], axis=0) + bent(*slid[:, :2].T)
+    return here.f, low, turn >= slide
+
+
+@dataclass
+class Over:
+    """A box over one cell's polynomial: height at its middle, slopes by φ and s, all that is of second order; ground's slopes."""
+
+    f: Array
+    by_phi: Array
+    by_s: Array
+    rest: Array
+    hx: Array
+    hy: Array
+
+    def low(self, dphi: Array, ds: Array) -> Array:
+        """No point of the box is lower."""
+        return self.f - abs(self.by_phi) * dphi - abs(self.by_s) * ds - self.rest
+
+
+def _ridge(ground: Ground, one: Cell, other: Cell, a: Over, b: Over, rx: Array, ry: Array) -> NDArray[np.bool_]:
+    """Whether just two cells are reached, and the ground along their common edge is the lower of the two everywhere."""
+    twist = abs(ground.patch[one][:, 1, 1] - ground.patch[other][:, 1, 1])
+    beside = (one[0] == other[0]) & (other[1] == one[1] + 1) & (a.hx - b.hx > twist * ry)
+    behind = (one[1] == other[1]) & (other[0] == one[0] + 1) & (a.hy - b.hy > twist * rx)
+    return np.asarray(beside | behind)
+
+
+def _over_ridge(a: Over, b: Over, dphi: Array, ds: Array) -> Array:
+    """The height over the lower of two grounds is no less than any mean of the heights over each: the best of three means."""
+    best = np.full(a.f.shape, -np.inf)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = [a.by_phi / (a.by_phi - b.by_phi), a.by_s / (a.by_s - b.by_s), np.full(a.f.shape, 0.5)]
+    for share in shares:
+        t = np.clip(np.nan_to_num(share, nan=0.5), 0.0, 1.0)
+        mean = Over(*((1 - t) * getattr(a, name) + t * getattr(b, name) for name in ("f", "by_phi", "by_s", "rest", "hx", "hy")))
+        best = np.maximum(best, mean.low(dphi, ds))
+    return best
