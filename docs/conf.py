@@ -1,0 +1,18 @@
+"""How the documentation is built: `make docs`. Nothing is fetched from outside."""
+
+from __future__ import annotations
+
+import rockerbogie
+
+project = "rockerbogie"
+author = "The rockerbogie developers"
+version = release = rockerbogie.__version__
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+html_theme = "furo"
+html_title = f"rockerbogie {release}"
+exclude_patterns = ["_build"]
+autodoc_member_order = "bysource"
+autodoc_typehints = "description"
+autodoc_typehints_description_target = "documented"
+napoleon_google_docstring = True
+napoleon_numpy_docstring = False
