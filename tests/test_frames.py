@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import rockerbogie as rb
 from helpers import assert_close, paper_rover, random_rover
@@ -233,3 +234,12 @@ def test_elementary_rotations_turn_the_right_way() -> None:
     x, y, z = np.eye(3)
     for turn, start, end in ((rotation_x, y, z), (rotation_y, z, x), (rotation_z, x, y)):
         assert_close(turn(np.pi / 2) @ start, end, 1e-15, "", "right-handed")
+
+
+def test_attitude_is_scipys_zyx_and_urdfs_rpy() -> None:
+    roll, pitch, yaw = np.random.default_rng(7).uniform(-1.5, 1.5, (3, 20))
+    R = rb.body_transform(0, 0, 0, roll, pitch, yaw)[:, :3, :3]
+    moving = Rotation.from_euler("ZYX", np.stack([yaw, pitch, roll], axis=1)).as_matrix()
+    fixed = Rotation.from_euler("xyz", np.stack([roll, pitch, yaw], axis=1)).as_matrix()
+    assert_close(R, moving, 1e-15, "", "docs/conventions.md: scipy's ZYX")
+    assert_close(R, fixed, 1e-15, "", "URDF's rpy: roll, pitch, yaw about fixed axes")
