@@ -11,12 +11,14 @@ from typing import Any
 from ..errors import RoverError, unknown_name
 from ..rover import Rover
 from .build import Import, build
-from .safe_xml import MAX_BYTES
+from .mjcf import read_mjcf
+from .safe_xml import MAX_BYTES, parse_xml
+from .sdf import read_sdf, to_sdf
 from .toml import read_toml
 from .tree import Tree
 from .urdf import read_urdf, to_urdf
 
-__all__ = ["Import", "import_rover", "load_rover", "presets", "to_urdf"]
+__all__ = ["Import", "import_rover", "load_rover", "presets", "to_sdf", "to_urdf"]
 
 
 def presets() -> dict[str, Path]:
@@ -82,9 +84,13 @@ def import_rover(
     return build(read_tree(_read(file), file.name), file.name, scale=scale, forward=forward, up=up, joints=joints, **overrule)
 
 
-def read_tree(data: bytes, what: str) -> Tree:
-    """The kinematic tree of a robot description, by the ending of its name."""
-    return read_urdf(data, what)
+def read_tree(data: bytes | str, what: str) -> Tree:
+    """The kinematic tree of a robot description, by its root element."""
+    readers = {"robot": read_urdf, "sdf": read_sdf, "mujoco": read_mjcf}
+    root = parse_xml(data, what).tag
+    if root not in readers:
+        raise RoverError(f"{what}: its root element is <{root[:40]}>; URDF begins with <robot>, SDF with <sdf>, MJCF with <mujoco>")
+    return readers[root](data, what)
 
 
 def _read(path: Path) -> bytes:
