@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ._kernels import batch
+from ._kernels import batch, equilibrium
+from .errors import RockerbogieError
 from .frames import body_transform
 from .rover import Rover
 from .terrain import Terrain
@@ -21,16 +22,19 @@ Array = NDArray[np.float64]
 
 #: A tread point within this of the ground touches it, m.
 TOUCHING = 1e-6
+#: A joint within this of its stop lies on it, rad.
+STOPPED = 1e-9
+GRAVITY = 9.80665  # m/s²
 
 
 class Contacts(NamedTuple):
-    """How the wheels touch: gap, angle (..., 6), point, normal (..., 6, 3), count (..., 6)."""
+    """How the wheels touch: gap, angle (..., 6), point, normal (..., 6, 3), patches (..., 6)."""
 
     gap: Array
     angle: Array
     point: Array
     normal: Array
-    count: NDArray[np.int64]
+    patches: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +52,7 @@ class Pose:
     steering: Array  # (..., 6) rad
     q: Array  # (..., 6) z, roll, pitch, rocker, bogie left, bogie right
     status: NDArray[np.uint8]  # (...) rockerbogie.Status
+    report: Array | None = None  # (..., R_SIZE) what a pose at rest tells of its forces and flags
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -82,7 +87,7 @@ class Pose:
     @property
     def tilt(self) -> Array:
         """(...) angle between the body's z and the vertical, rad."""
-        return np.arccos(np.clip(np.cos(self.roll) * np.cos(self.pitch), -1, 1))
+        return np.asarray(np.arccos(np.clip(np.cos(self.roll) * np.cos(self.pitch), -1, 1)))
 
     @property
     def T_world_body(self) -> Array:
@@ -124,15 +129,49 @@ class Pose:
     @property
     def contact_count(self) -> NDArray[np.int64]:
         """(..., 6) how many separate places of each tread touch (two when it bridges a gap between rocks)."""
-        return self.contacts.count
+        return self.contacts.patches
+
+    @property
+    def support(self) -> Array:
+        """(..., 6) frictionless support force of each wheel at rest, N (Earth's gravity: scale by g/9.80665 elsewhere)."""
+        return np.asarray(self._report(equilibrium.R_FORCE, 6) * self.rover.mass * GRAVITY)
+
+    @property
+    def belly_support(self) -> Array:
+        """(...) support force under the body at rest, N."""
+        return self._report(equilibrium.R_BELLY, 1)[..., 0] * self.rover.mass * GRAVITY
+
+    @property
+    def wheel_lifted(self) -> NDArray[np.bool_]:
+        """(..., 6) whether the wheel hangs in the air. In contact mode none does."""
+        if self.report is None:
+            return np.zeros((*self.shape, 6), dtype=bool)
+        return np.asarray(self._report(equilibrium.R_LIFTED, 6) == 1.0)
+
+    @property
+    def joint_stop(self) -> NDArray[np.int8]:
+        """(..., 3) rocker, bogie left, bogie right: -1 or +1 on (contact mode: beyond) its low or high stop, else 0."""
+        low = np.array([self.rover.rocker_limits[0], *[self.rover.bogie_limits[0]] * 2]) + STOPPED
+        high = np.array([self.rover.rocker_limits[1], *[self.rover.bogie_limits[1]] * 2]) - STOPPED
+        return ((self.q[..., 3:] >= high).astype(np.int8) - (self.q[..., 3:] <= low)).astype(np.int8)
+
+    def _report(self, start: int, size: int) -> Array:
+        if self.report is None:
+            raise RockerbogieError("forces belong to a pose at rest: settle with mode='equilibrium'")
+        return self.report[..., start : start + size]
 
     @cached_property
     def clearance(self) -> Array:
-        """(...) least height of the body's box over the ground, at stations half a cell apart, m; nan past the map's rim."""
+        """(...) least height of the body's box over the ground, m; nan past the map's rim."""
         n = self.status.size
         out = np.empty(n)
         batch.clearance_batch(
-            self.terrain.grid, self.terrain.meta, self.rover.packed, *self._flat_places(), np.ascontiguousarray(self.q.reshape(n, 6)), out
+            self.terrain.grid,
+            self.terrain.meta,
+            self.rover.packed,
+            *self._flat_places(),
+            np.ascontiguousarray(self.q.reshape(n, 6)),
+            out,
         )
         return out.reshape(self.shape)
 

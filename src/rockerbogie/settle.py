@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._kernels import batch
+from ._kernels import batch, equilibrium
 from .errors import RockerbogieError
 from .frames import check_steering
 from .pose import Pose
@@ -48,7 +48,9 @@ def settle(
     for name, place in zip(("x", "y", "yaw"), places, strict=True):
         bad = ~np.isfinite(place)
         if bad.any():
-            raise RockerbogieError(f"{name} is not finite in {bad.sum()} of {place.size} poses (first at index {int(np.argmax(bad))})")
+            raise RockerbogieError(
+                f"{name} is not finite in {bad.sum()} of {place.size} poses (first at index {int(np.argmax(bad))})"
+            )
     if mode not in ("contact", "equilibrium"):
         raise RockerbogieError(f"mode {mode!r} is not known; give 'contact' or 'equilibrium'")
     turn = check_steering(rover, steering)
@@ -62,13 +64,17 @@ def settle(
     n = int(np.prod(shape))
     q = np.empty((n, 6))
     status = np.empty(n, dtype=np.uint8)
-    kernel = batch.settle_batch
+    report = np.empty((n, equilibrium.R_SIZE)) if mode == "equilibrium" else None
     one_steering = turn.ndim == 1 or all(step == 0 for step in turn.strides[:-1])
     for start in range(0, n, CHUNK):
         part = slice(start, min(start + CHUNK, n))
         chosen = turn[(0,) * (turn.ndim - 1)].reshape(1, 6) if one_steering else turn.reshape(-1, 6)[part]
-        kernel(
-            terrain.grid, terrain.meta, rover.packed, px.flat[part], py.flat[part], heading.flat[part],
-            np.ascontiguousarray(chosen), q[part], status[part],
-        )  # fmt: skip
-    return Pose(rover, terrain, px, py, heading, turn, q.reshape(*shape, 6), status.reshape(shape))
+        spots = (px.flat[part], py.flat[part], heading.flat[part], np.ascontiguousarray(chosen))
+        given = (terrain.grid, terrain.meta, rover.packed, *spots)
+        if report is None:
+            batch.settle_batch(*given, q[part], status[part])
+        else:
+            batch.rest_batch(*given, q[part], status[part], report[part])
+    if report is not None:
+        report = report.reshape(*shape, equilibrium.R_SIZE)
+    return Pose(rover, terrain, px, py, heading, turn, q.reshape(*shape, 6), status.reshape(shape), report)

@@ -8,11 +8,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .contact import settle_contact
+from .equilibrium import settle_equilibrium
 from .ground import META_X, META_Y, META_Z
 from .jit import pnjit, prange
-from .linkage import P_BOX, PITCH, ROLL, Z, stand, stand_feet
-from .tread import FOUND, FOUND_SIZE, GAP, HX, HY, HZ, PHI, PLACE, ROOM, WHEEL_SIZE, contact_angle, contact_slope, least_gap, patches, rim_point
-from .underside import clearance
+from .linkage import P_BOX, PITCH, ROLL, Z, body_axes, stand, stand_feet
+from .tread import (
+    FOUND,
+    FOUND_SIZE,
+    GAP,
+    HX,
+    HY,
+    HZ,
+    PHI,
+    PLACE,
+    ROOM,
+    WHEEL_SIZE,
+    contact_angle,
+    contact_slope,
+    least_gap,
+    patches,
+    rim_point,
+)
+from .underside import NEAR_ROOM, NEAR_SIZE, box_over_ground, least_clearance
 
 Array = NDArray[np.float64]
 
@@ -27,6 +44,28 @@ def settle_batch(
         stand_feet(rover, steering[np.int64(k) if steering.shape[0] > 1 else 0], feet)
         px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
         status[k] = settle_contact(grid, meta, rover, feet, px, py, math.cos(yaw[k]), math.sin(yaw[k]), out[k], touch)
+        out[k, Z] += meta[META_Z]
+
+
+@pnjit
+def rest_batch(
+    grid: Array,
+    meta: Array,
+    rover: Array,
+    x: Array,
+    y: Array,
+    yaw: Array,
+    steering: Array,
+    out: Array,
+    status: NDArray[np.uint8],
+    report: Array,
+) -> None:
+    """Equilibrium mode. As `settle_batch`; report (n, equilibrium.R_SIZE) too."""
+    for k in prange(x.size):
+        feet = np.empty((6, 5))
+        stand_feet(rover, steering[np.int64(k) if steering.shape[0] > 1 else 0], feet)
+        px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
+        status[k] = settle_equilibrium(grid, meta, rover, feet, px, py, math.cos(yaw[k]), math.sin(yaw[k]), out[k], report[k])
         out[k, Z] += meta[META_Z]
 
 
@@ -71,7 +110,11 @@ def touch_batch(
 def clearance_batch(grid: Array, meta: Array, rover: Array, x: Array, y: Array, yaw: Array, q: Array, out: Array) -> None:
     """Least height of the body's box over the ground (n,) at poses q (n, 6)."""
     for k in prange(x.size):
-        out[k] = clearance(
-            grid, meta, rover[P_BOX : P_BOX + 6], x[k] - meta[META_X], y[k] - meta[META_Y], q[k, Z] - meta[META_Z],
-            q[k, ROLL], q[k, PITCH], yaw[k],
-        )[0]  # fmt: skip
+        axes, near = np.empty((3, 3)), np.empty((NEAR_ROOM, NEAR_SIZE))
+        out[k] = math.nan
+        if not math.isnan(q[k, Z]):
+            body_axes(q[k, ROLL], q[k, PITCH], math.cos(yaw[k]), math.sin(yaw[k]), axes)
+            px, py, pz = x[k] - meta[META_X], y[k] - meta[META_Y], q[k, Z] - meta[META_Z]
+            count = box_over_ground(grid, meta, rover[P_BOX : P_BOX + 6], axes, px, py, pz, 0.0, near)
+            if count > 0:
+                out[k] = least_clearance(near, count)

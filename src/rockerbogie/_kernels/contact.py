@@ -11,10 +11,24 @@ from .ground import surface
 from .jit import njit
 from .linkage import P_HUB, P_PIVOT, P_RADIUS, P_STOPS, ROCKER, Z, slope_row, stand
 from .tread import (
-    BLANK, FOUND, FOUND_SIZE, GAP, HX, HY, HZ, OFF, PHI, PLACE, WHEEL_SIZE, contact_slope, least_gap, rim_point,
+    BLANK,
+    FOUND,
+    FOUND_SIZE,
+    GAP,
+    HX,
+    HY,
+    HZ,
+    OFF,
+    PHI,
+    PLACE,
+    WHEEL_SIZE,
+    contact_slope,
+    least_gap,
+    rim_point,
 )  # fmt: skip
 
 Array = NDArray[np.float64]
+
 
 @njit
 def solve6(a: Array, b: Array) -> float:
@@ -83,7 +97,19 @@ def newton(
             px, py, pz = rim_point(wheels[i], touch[i, PHI], touch[i, PLACE])
             gx, gy = contact_slope(grid, meta, wheels[i], touch[i, PHI], touch[i, PLACE])
             slope_row(
-                rover, q, cy, sy, axes, knees, i, wheels[i, HX] - x + px, wheels[i, HY] - y + py, wheels[i, HZ] - q[Z] + pz, gx, gy, a[i]
+                rover,
+                q,
+                cy,
+                sy,
+                axes,
+                knees,
+                i,
+                wheels[i, HX] - x + px,
+                wheels[i, HY] - y + py,
+                wheels[i, HZ] - q[Z] + pz,
+                gx,
+                gy,
+                a[i],
             )
             step[i] = -touch[i, GAP]
         solve6(a, step)
@@ -108,9 +134,7 @@ WIDEST = 1.4  # rad: a settled joint or attitude beyond this is the linkage fold
 
 
 @njit
-def start_pose(
-    grid: Array, meta: Array, rover: Array, feet: Array, x: float, y: float, cy: float, sy: float, attempt: int, q: Array, touch: Array,
-) -> None:  # fmt: skip
+def start_pose(grid: Array, meta: Array, rover: Array, x: float, y: float, attempt: int, q: Array, touch: Array) -> None:
     """The pose to start from: level for the first attempt, then leaning and bent by a fixed low-discrepancy sequence."""
     touch[:] = 0.0
     q[Z] = surface(grid, meta, x, y)[0] + rover[P_RADIUS] - rover[P_HUB + 2] - rover[P_PIVOT + 2]
@@ -133,7 +157,7 @@ def settle_contact(
     """
     strayed = 0
     for attempt in range(STARTS):
-        start_pose(grid, meta, rover, feet, x, y, cy, sy, attempt, q, touch)
+        start_pose(grid, meta, rover, x, y, attempt, q, touch)
         code, _ = newton(grid, meta, rover, feet, x, y, cy, sy, q, TOLERANCE, STEPS, touch)
         if code == OFF or code == BLANK:
             strayed += 1
