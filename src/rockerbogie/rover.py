@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._kernels import linkage
+from .differential import MOST_COEFFICIENTS, DifferentialBar
 from .errors import RoverError
 
 Array = NDArray[np.float64]
@@ -74,7 +75,7 @@ class Rover:
         steering_offset: ArrayLike = (0.0, 0.0),
         rocker_limits: ArrayLike = (-np.inf, np.inf),
         bogie_limits: ArrayLike = (-np.inf, np.inf),
-        differential: ArrayLike = IDEAL_DIFFERENTIAL,
+        differential: ArrayLike | DifferentialBar = IDEAL_DIFFERENTIAL,
         body_box: ArrayLike | None = None,
         mass: float | None = None,
         body: Link | None = None,
@@ -93,7 +94,8 @@ class Rover:
             steers: (3,) per axle or (6,) per wheel, true where the wheel steers. Default: any wheel may.
             steering_offset: (2,), (3, 2) per left wheel (y is mirrored) or (6, 2); steering axis minus hub, m.
             rocker_limits, bogie_limits: (2,) stops of the left rocker and of both bogies, rad.
-            differential: coefficients c of right = Σ cₖ leftᵏ; (0, -1) is the ideal one, (0, -k) a ratio.
+            differential: coefficients c of right = Σ cₖ leftᵏ; (0, -1) is the ideal one, (0, -k) a ratio. Or a
+                `DifferentialBar`, which becomes the polynomial that follows it over the rocker's stops.
             body_box: (2, 3) lowest and highest corner of the body, m. Default: a box between the wheels.
             mass: the whole rover, kg. Default: `DEFAULT_DENSITY` times the wheelbase cubed; shared by `MASS_SHARES`.
             body, rockers, bogies, wheels: links, where their own masses are known; the rest is shared as above.
@@ -108,6 +110,11 @@ class Rover:
         width = _per_wheel("wheel_width", wheel_width)
         mask = np.ones(6) if steers is None else _per_wheel("steers", steers)
         offset = _offsets(steering_offset)
+        rocker_stops = _array("rocker_limits", rocker_limits, (2,))
+        if isinstance(differential, DifferentialBar):
+            if not np.allclose(pivots[1], pivots[0] * (1, -1, 1), rtol=0, atol=1e-9):
+                raise RoverError(f"rover {name!r}: a DifferentialBar joins rockers whose pivots mirror each other; these do not")
+            differential = differential.polynomial(pivots[0], rocker_stops)
         with np.errstate(invalid="ignore"):  # what is not finite is refused by name below
             box = _default_box(hub, pivots, bogie, radius) if body_box is None else _array("body_box", body_box, (2, 3))
             total = _default_mass(hub) if mass is None else float(_array("mass", mass, ()))
@@ -121,7 +128,7 @@ class Rover:
             wheel_width=width,
             steering_offset=offset,
             steers=mask > 0.5,
-            rocker_limits=_array("rocker_limits", rocker_limits, (2,)),
+            rocker_limits=rocker_stops,
             bogie_limits=_array("bogie_limits", bogie_limits, (2,)),
             differential=_numbers("differential", differential),
             body_box=box,
@@ -352,6 +359,14 @@ def _points_link(mass: float, *points: Array) -> Link:
     return Link(mass, p.mean(axis=0), inertia + np.eye(3) * 1e-3 * np.trace(inertia))
 
 
+def possible_inertia(inertia: Array) -> bool:
+    """True for an inertia (3, 3) some rigid body has: symmetric, no moment negative or above the sum of the other two."""
+    moments = np.linalg.eigvalsh(inertia)
+    slack = 1e-9 * float(np.abs(inertia).max())
+    even = bool(np.abs(inertia - inertia.T).max() <= slack)
+    return even and bool(moments[0] >= -slack and moments[2] <= moments[0] + moments[1] + 1e3 * slack)
+
+
 def _validate(rover: Rover) -> None:
     def check(good: bool, sentence: str) -> None:
         if not good:
@@ -381,8 +396,16 @@ def _validate(rover: Rover) -> None:
         check(np.isinf(low) or low > -np.pi, f"{label} {low:g} rad is beyond a half turn: are these degrees?")
         check(np.isinf(high) or high < np.pi, f"{label} {high:g} rad is beyond a half turn: are these degrees?")
     c = rover.differential
-    check(c.ndim == 1 and 2 <= len(c) <= 16 and bool(np.isfinite(c).all()), "differential needs 2 to 16 finite coefficients")
+    good = c.ndim == 1 and 2 <= len(c) <= MOST_COEFFICIENTS and bool(np.isfinite(c).all())
+    check(good, f"differential needs 2 to {MOST_COEFFICIENTS} finite coefficients")
     check(c[0] == 0 and c[1] < 0, "differential must turn the right rocker against the left one: c[0] = 0 and c[1] < 0")
+    low, high = np.where(np.isfinite(rover.rocker_limits), rover.rocker_limits, 0.0)
+    reach = np.linspace(low, high, 201)
+    turns = np.polynomial.polynomial.polyval(reach, np.polynomial.polynomial.polyder(c)) < 0
+    stuck = float(np.degrees(np.abs(reach[~turns]).min(initial=np.inf)))
+    check(
+        bool(turns.all()), f"differential stops turning the right rocker at {stuck:.3g} deg of the left one: narrow rocker_limits"
+    )
     check(bool((rover.body_box[0] < rover.body_box[1]).all()), "body_box: its first corner must be below its second")
     for label, count in (("rockers", 2), ("bogies", 2), ("wheels", 6)):
         check(len(getattr(rover, label)) == count, f"{label} needs {count} links, got {len(getattr(rover, label))}")
@@ -392,4 +415,8 @@ def _validate(rover: Rover) -> None:
             value = np.asarray(getattr(link, label))
             check(value.shape == shape, f"a link's {label} has shape {value.shape}; give {shape}")
             check(bool(np.isfinite(value).all()), f"a link's {label} holds a value that is not finite")
+        check(
+            possible_inertia(link.inertia),
+            "a link's inertia is none a body can have: symmetric, not negative, no moment above the other two's sum",
+        )
     check(rover.mass > 0, "the rover has no mass; give mass= in kg")

@@ -29,8 +29,8 @@ P_ROCKER = 68  # (2, 4) mass, com
 P_BOGIE = 76  # (2, 4)
 P_WHEEL = 84  # (6, 4) mass, com from the hub
 P_ORDER = 108  # number of differential coefficients
-P_DIFF = 109  # and they
-P_SIZE = 125
+P_DIFF = 109  # and they, 24 at most
+P_SIZE = 133
 
 Z, ROLL, PITCH, ROCKER, BOGIE_L, BOGIE_R = range(6)
 
