@@ -76,11 +76,11 @@ class Path:
         Raises:
             PathError: fewer than two points, not finite, two in one place, a turn on the spot, or no room for an arc.
         """
-        p = np.array(points, dtype=float)
+        p = _numbers(points)
         if p.ndim != 2 or p.shape[1:] != (2,) or len(p) < 2:
             raise PathError(f"waypoints have shape {p.shape}; give at least two points (x, y)")
-        if not radius > 0:
-            raise PathError(f"radius is {radius} m; give a turning radius above 0")
+        if not 0 < radius < np.inf:
+            raise PathError(f"radius is {radius} m; give a finite turning radius above 0")
         leg, way = _legs(p[:, 0], p[:, 1])
         turn = (np.diff(way) + np.pi) % (2 * np.pi) - np.pi
         for k in np.flatnonzero(np.abs(turn) > SHARPEST_CORNER):
@@ -112,7 +112,7 @@ class Path:
         Raises:
             PathError: fewer than two poses, shapes that differ, not finite, or two poses in one place.
         """
-        px, py, facing = (np.array(a, dtype=float) for a in (x, y, yaw))
+        px, py, facing = (_numbers(a) for a in (x, y, yaw))
         if not (px.ndim == 1 and len(px) >= 2 and px.shape == py.shape == facing.shape):
             raise PathError(f"x, y and yaw have shapes {px.shape}, {py.shape}, {facing.shape}; give three (n,) with n at least 2")
         leg, way = _legs(px, py)
@@ -151,6 +151,14 @@ class Path:
             self.course[k] + turned,
             curvature,
         )
+
+
+def _numbers(values: ArrayLike) -> Array:
+    """A copy as an array of floats."""
+    try:
+        return np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise PathError(f"a path is made of numbers, in equal rows; got {values!r:.60}") from None
 
 
 def _legs(x: Array, y: Array) -> tuple[Array, Array]:

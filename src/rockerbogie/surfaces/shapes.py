@@ -93,7 +93,7 @@ def ramp(
     *,
     start: float = 1.0,
     direction: float = 0.0,
-    corner: float = 0.02,
+    corner: float = 0.04,
     size: float | tuple[float, float] = 10.0,
     spacing: float = 0.02,
     interpolation: Interpolation = "cubic",
