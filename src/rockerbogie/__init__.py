@@ -14,16 +14,32 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from . import surfaces as surfaces
+    from .actuation import wheel_commands as wheel_commands
+    from .drive import drive as drive
     from .errors import PathError as PathError
     from .errors import RockerbogieError as RockerbogieError
     from .errors import RoverError as RoverError
     from .errors import TerrainError as TerrainError
+    from .formats import load_rover as load_rover
+    from .formats import to_sdf as to_sdf
+    from .formats import to_urdf as to_urdf
     from .frames import body_transform as body_transform
     from .frames import contact_frames as contact_frames
     from .frames import dh_table as dh_table
     from .frames import wheel_frames as wheel_frames
+    from .jacobian import JACOBIAN_COLUMNS as JACOBIAN_COLUMNS
+    from .jacobian import wheel_jacobians as wheel_jacobians
+    from .mjcf import to_mjcf as to_mjcf
+    from .navigation import body_twist as body_twist
+    from .path import Path as Path
+    from .pose import Pose as Pose
     from .rover import Link as Link
     from .rover import Rover as Rover
+    from .settle import settle as settle
+    from .simulate import compare as compare
+    from .simulate import simulate as simulate
+    from .slip import wheel_slip as wheel_slip
     from .status import Status as Status
     from .terrain import Terrain as Terrain
 
