@@ -73,7 +73,7 @@ class Crossing:
         normal = self.terrain.normal(p[..., 0], p[..., 1])
         level = (np.abs(normal - normal[:, :1]) < 1e-3).all(axis=(1, 2))
         flush = np.abs(np.einsum("nwk,nk->nw", p - p[:, :1], normal[:, 0])) < 2e-3
-        return level & flush.all(axis=1)
+        return np.asarray(level & flush.all(axis=1))
 
 
 def check_claims(crossing: Crossing) -> list[Claim]:
@@ -91,8 +91,8 @@ def _both_negative(c: Crossing) -> Claim:
         7,
         "Pitch and roll turn negative when the front wheels come upon the bumps.",
         holds,
-        f"The front wheels touch the bumps at X = {reach:.3f} m, the body first turns at {first:.3f} m; until the middle wheels arrive "
-        f"pitch goes to {c.pitch[then].min():.2f}°, roll to {c.roll[then].min():.2f}° (right side up), and neither rises above "
+        f"The front wheels touch the bumps at X = {reach:.3f} m, the body first turns at {first:.3f} m; until the middle wheels "
+        f"arrive pitch goes to {c.pitch[then].min():.2f}°, roll to {c.roll[then].min():.2f}° (right side up), and neither rises above "
         f"{max(c.pitch[then].max(), c.roll[then].max()):+.2f}°.",
     )
 
@@ -110,8 +110,8 @@ def _pitch_turns_at_the_top(c: Crossing) -> Claim:
         7,
         "Pitch stays negative over the first half and turns positive as the rover crosses the top.",
         holds,
-        f"Negative from X = {x[0]:.3f} to {x[turn]:.3f} m (to {before.min():.2f}°), positive from there to {x[-1]:.3f} m "
-        f"(to {after.max():+.2f}°); at the turn the middle of the wheelbase is {100 * (x[turn] + centre - top):+.1f} cm from the top.",
+        f"Negative from X = {x[0]:.3f} to {x[turn]:.3f} m (to {before.min():.2f}°), positive from there to {x[-1]:.3f} m (to "
+        f"{after.max():+.2f}°); at the turn the middle of the wheelbase is {100 * (x[turn] + centre - top):+.1f} cm from the top.",
     )
 
 
@@ -140,8 +140,8 @@ def _left_bogie_harmonic(c: Crossing) -> Claim:
         8,
         "The left bogie's angle is a harmonic curve on the hill.",
         explained > HARMONIC,
-        f"With all three left wheels on the hill (X = {c.x[on][0]:.3f} to {c.x[on][-1]:.3f} m), one harmonic of the hill's length, amplitude "
-        f"{np.hypot(*fit[1:]):.2f}°, explains {100 * explained:.2f} % of the variance; {left.std():.2f}° RMS is left.",
+        f"With all three left wheels on the hill (X = {c.x[on][0]:.3f} to {c.x[on][-1]:.3f} m), one harmonic of the hill's "
+        f"length, amplitude {np.hypot(*fit[1:]):.2f}°, explains {100 * explained:.2f} % of the variance; {left.std():.2f}° RMS is left.",
     )
 
 
@@ -155,8 +155,8 @@ def _left_bogie_transitions(c: Crossing) -> Claim:
         8,
         "The left bogie goes through a transition as the front and the middle wheel touch the bump.",
         all(abs(step) > 3 * usual for step in change),
-        f"The curve's bend (d²β1/dX²) changes by {change[0]:+.0f}°/m² at X = {arrive[0]:.3f} m (front) and by {change[1]:+.0f}°/m² at "
-        f"{arrive[1]:.3f} m (middle), against a median of {usual:.0f}°/m² on the hill itself.",
+        f"The curve's bend (d²β1/dX²) changes by {change[0]:+.0f}°/m² at X = {arrive[0]:.3f} m (front) and by {change[1]:+.0f}°/m² "
+        f"at {arrive[1]:.3f} m (middle), against a median of {usual:.0f}°/m² on the hill itself.",
     )
 
 
@@ -174,7 +174,11 @@ def _contact_jumps(c: Crossing, side: int) -> Claim:
         f"The {name} contact angle changes abruptly where the front wheel comes upon the bump.",
         abs(most) > JUMP,
         f"Around X = {at:.3f} m it changes by {most:+.2f}° within {1e3 * JUMP_WAY:.0f} mm of way"
-        + ("." if abs(most) > JUMP else f": its rate breaks, not the angle, for this hill begins level (5 cm on, it slopes by {slope:.1f}°)."),
+        + (
+            "."
+            if abs(most) > JUMP
+            else f": its rate breaks, not the angle, for this hill begins level (5 cm on, it slopes by {slope:.1f}°)."
+        ),
     )
 
 
@@ -191,8 +195,8 @@ def _left_contact_turns_positive(c: Crossing) -> Claim:
         9,
         "The left contact angle then tends to a positive value once the hill is climbed.",
         at_top > ZERO and angle[climb].min() < -ZERO,
-        f"It falls to {angle[climb].min():.2f}° on the climb, is {at_top:+.2f}° with the front wheel on the top, and stays positive "
-        f"from X = {positive:.3f} to {until:.3f} m.",
+        f"It falls to {angle[climb].min():.2f}° on the climb, is {at_top:+.2f}° with the front wheel on the top, and stays "
+        f"positive from X = {positive:.3f} to {until:.3f} m.",
     )
 
 
@@ -205,8 +209,8 @@ def _right_contact_zero_on_a_plane(c: Crossing) -> Claim:
         9,
         "The right contact angle is zero but for where the bogie passes between slope and flat.",
         most < ZERO < apart,
-        f"While both wheels of the right bogie stand on one plane ({100 * together.mean():.0f} % of the way) |δ6| ≤ {most:.4f}°, measured "
-        f"from the wheel's own link; while it spans an edge it reaches {apart:.2f}°.",
+        f"While both wheels of the right bogie stand on one plane ({100 * together.mean():.0f} % of the way) |δ6| ≤ {most:.4f}°, "
+        f"measured from the wheel's own link; while it spans an edge it reaches {apart:.2f}°.",
     )
 
 

@@ -34,7 +34,8 @@ class ErrorRow:
     @property
     def within(self) -> bool:
         """Whether both limits are kept."""
-        return (self.rms_limit is None or self.rms <= self.rms_limit) and (self.worst_limit is None or self.worst <= self.worst_limit)
+        pairs = ((self.rms, self.rms_limit), (self.worst, self.worst_limit))
+        return all(limit is None or value <= limit for value, limit in pairs)
 
 
 def write_report(
@@ -69,8 +70,8 @@ def write_report(
         "<p>Differences at equal place and heading (x, y, yaw), over the whole crossing.</p>",
         _errors_table(errors),
         "<h2>What the paper says of its figures</h2>",
-        "<p>Each statement, put in our words, is decided by code from the numbers of each run; the numbers given are the model's, "
-        "and the simulation's where it decides otherwise.</p>",
+        "<p>Each statement, put in our words, is decided by code from the numbers of each run; those given are the "
+        "model's, and the simulation's where it decides otherwise.</p>",
         _claims_table(claims),
         "<h2>What this rests on</h2>",
         "<dl>" + "".join(f"<dt>{escape(k)}</dt><dd>{escape(v)}</dd>" for k, v in facts.items()) + "</dl>",
@@ -94,15 +95,12 @@ def _figure(picture: Picture) -> str:
 def _errors_table(errors: Sequence[ErrorRow]) -> str:
     rows = [
         f"<tr><th scope=row>{escape(e.channel)}</th><td>{e.rms:.4f}</td><td>{_limit(e.rms_limit)}</td>"
-        f"<td>{e.worst:.4f}</td><td>{_limit(e.worst_limit)}</td><td>{escape(e.unit)}</td><td>{_badge(e.within, _kept(e))}</td></tr>"
+        f"<td>{e.worst:.4f}</td><td>{_limit(e.worst_limit)}</td><td>{escape(e.unit)}</td>"
+        f"<td>{_badge(e.within, 'within' if e.within else 'beyond')}</td></tr>"
         for e in errors
     ]
     heads = "".join(f"<th scope=col>{h}</th>" for h in ("channel", "RMS", "limit", "worst", "limit", "unit", ""))
     return f"<div class=wide><table class=numbers><thead><tr>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
-
-
-def _kept(row: ErrorRow) -> str:
-    return "within" if row.within else "beyond"
 
 
 def _limit(value: float | None) -> str:
@@ -114,8 +112,8 @@ def _claims_table(claims: Sequence[tuple[Claim, Claim]]) -> str:
     for model, sim in claims:
         because = model.because if model.holds == sim.holds else f"{model.because} In the simulation: {sim.because}"
         rows.append(
-            f"<tr><td>{model.figure}</td><td><strong>{escape(model.says)}</strong><br><span class=because>{escape(because)}</span></td>"
-            f"<td>{_truth(model)}</td><td>{_truth(sim)}</td></tr>"
+            f"<tr><td>{model.figure}</td><td><strong>{escape(model.says)}</strong><br>"
+            f"<span class=because>{escape(because)}</span></td><td>{_truth(model)}</td><td>{_truth(sim)}</td></tr>"
         )
     heads = "".join(f"<th scope=col>{h}</th>" for h in ("fig.", "statement, and what decides it", "model", "simulation"))
     return f"<div class=wide><table class=claims><thead><tr>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
@@ -161,7 +159,12 @@ dl { display: grid; grid-template-columns: minmax(7rem, max-content) 1fr; gap: .
 dt { color: #555; }
 dd { margin: 0; }
 a { color: #0a5a91; }
-@media (max-width: 34rem) { body { padding: 1rem .8rem 3rem; } h1 { font-size: 1.4rem; } dl { grid-template-columns: 1fr; } dd { margin-bottom: .5rem; } }
+@media (max-width: 34rem) {
+  body { padding: 1rem .8rem 3rem; }
+  h1 { font-size: 1.4rem; }
+  dl { grid-template-columns: 1fr; }
+  dd { margin-bottom: .5rem; }
+}
 </style>
 </head>
 <body>

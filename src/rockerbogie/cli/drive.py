@@ -1,8 +1,221 @@
-def drive() -> int:
-    """TODO"""
-    return 0
+"""`rockerbogie drive` and `rockerbogie simulate`: along a path, by the kinematic model and in MuJoCo."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from cyclopts import Parameter
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from ..drive import drive as drive_rover
+from ..drive import to_csv
+from ..errors import PathError, RockerbogieError
+from ..formats import load_rover
+from ..path import Path
+from ..rover import Rover
+from ..status import MEANING, Status
+from ..terrain import Terrain
+from .common import Folder, Json, Linear, RoverName, TerrainName, load_terrain, make_folder, parse_point, print_json, progress
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Waypoints = Annotated[str | None, Parameter(name=["--path", "-p"], allow_leading_hyphen=True)]
 
 
-def simulate() -> int:
-    """TODO"""
-    return 0
+def drive(
+    *,
+    terrain: TerrainName,
+    rover: RoverName = "elhami-dashti",
+    path: Waypoints = None,
+    radius: float = 1.0,
+    speed: float = 0.02,
+    step: float = 0.01,
+    linear: Linear = None,
+    output: Folder = None,
+    json: Json = False,
+) -> None:
+    """Drive a rover along a path, and show what it goes through.
+
+    Prints the extremes of the run. With -o it writes map.png (the way over the ground, coloured by tilt), profile.png (angles,
+    joints and clearance along it), worst.png (the rover where it tilts most, from near), run.nc and run.csv.
+
+    Parameters
+    ----------
+    terrain
+        A raster file (GeoTIFF and others), or surface:NAME for a built-in one: surface:paper, surface:mars, surface:rocks …
+    rover
+        A preset's name, or a rover file.
+    path
+        Waypoints in the map's metres: "x,y x,y …". Default: straight across the map's middle along +x, from rim to rim.
+    radius
+        Turning radius at the waypoints, m.
+    speed
+        Along the path, m/s; it scales times and rates only.
+    step
+        Between stations, m.
+    linear
+        Bilinear ground between the nodes, or a smooth cubic surface. Default: cubic for files.
+    output
+        Folder for pictures and data.
+    json
+        Print the summary as JSON (SI units, radians) in place of the table.
+    """
+    machine = load_rover(rover)
+    ground = load_terrain(terrain, linear)
+    way = _path(path, radius, machine, ground)
+    with progress() as bar:
+        task = bar.add_task("driving", total=None)
+        run = _on_the_map(drive_rover(machine, ground, way, speed, step=step), ground)
+        bar.update(task, description="drawing")
+        files = _write_run(machine, ground, run, output, "run")
+    summary = _summary(run)
+    if json:
+        print_json(summary | {"files": files})
+    else:
+        _print_summary(machine, summary, files)
+
+
+def simulate(
+    *,
+    terrain: TerrainName,
+    rover: RoverName = "elhami-dashti",
+    path: Waypoints = None,
+    radius: float = 1.0,
+    speed: float = 0.02,
+    friction: float = 0.8,
+    linear: Linear = None,
+    output: Folder = None,
+    json: Json = False,
+) -> None:
+    """The same drive in MuJoCo's rigid-body dynamics, compared with ours.
+
+    Six driven wheels, gravity and friction on the same ground. Prints how far the kinematic model is from it at equal place
+    and heading. With -o it writes map.png, profile.png, worst.png, simulation.nc and simulation.csv.
+
+    Parameters
+    ----------
+    terrain
+        A raster file (GeoTIFF and others), or surface:NAME for a built-in one: surface:paper, surface:mars, surface:rocks …
+    rover
+        A preset's name, or a rover file.
+    path
+        Waypoints in the map's metres: "x,y x,y …". Default: straight across the map's middle along +x, from rim to rim.
+    radius
+        Turning radius at the waypoints, m.
+    speed
+        Along the path, m/s. The simulation takes as long as the drive has steps: go faster for long ways.
+    friction
+        Coefficient of sliding friction between wheels and ground.
+    linear
+        Bilinear ground between the nodes, or a smooth cubic surface. Default: cubic for files.
+    output
+        Folder for pictures and data.
+    json
+        Print the comparison as JSON (SI units, radians) in place of the table.
+    """
+    raise NotImplementedError
+
+
+def _path(text: str | None, radius: float, rover: Rover, terrain: Terrain) -> Path:
+    """Waypoints from `x,y x,y …`; or straight over the middle of the map, as far in from its rim as the rover reaches."""
+    if text is not None:
+        return Path.waypoints([parse_point(part, "--path") for part in text.split()], radius)
+    xmin, ymin, xmax, ymax = terrain.bounds
+    reach = 1.05 * (np.abs(rover.hubs[:, 0]) + rover.wheel_radius).max()
+    if xmax - xmin <= 2 * reach:
+        raise PathError(
+            f"the map is {xmax - xmin:g} m long, too short for rover {rover.name!r}, reaching {reach:.3g} m: give more ground"
+        )
+    return Path.straight((xmin + reach, (ymin + ymax) / 2), 0.0, xmax - xmin - 2 * reach)
+
+
+def _on_the_map(run: xr.Dataset, terrain: Terrain) -> xr.Dataset:
+    """The run, if all of it is on the map and the rover could stand anywhere."""
+    status = run["status"].values
+    off = status == Status.OFF_MAP
+    if off.any():
+        k = int(np.argmax(off))
+        xmin, ymin, xmax, ymax = terrain.bounds
+        raise PathError(
+            f"the path takes a wheel off the map at {float(run['distance'][k]):.4g} m along it, near ({float(run['x'][k]):.10g}, "
+            f"{float(run['y'][k]):.10g}) m, and for {100 * off.mean():.3g} % of its stations: "
+            f"the map spans ({xmin:.10g}, {ymin:.10g}) to ({xmax:.10g}, {ymax:.10g}) m; move the waypoints inward"
+        )
+    if not np.isfinite(run["z"].values).any():
+        why, remedy = MEANING[Status(int(status[0]))]
+        raise RockerbogieError(f"no pose was found anywhere along the path (at its start, {why}): {remedy}")
+    return run
+
+
+def _write_run(rover: Rover, terrain: Terrain, run: xr.Dataset, output: FilePath | None, name: str) -> list[FilePath]:
+    if output is None:
+        return []
+    from ..figures.charts import run_map, run_profile, worst_of
+    from ..figures.closeup import pose_figure
+
+    folder = make_folder(output)
+    run.to_netcdf(folder / f"{name}.nc", engine="h5netcdf")
+    to_csv(run, folder / f"{name}.csv")
+    run_map(rover, terrain, run).savefig(folder / "map.png")
+    run_profile(rover, terrain, run).savefig(folder / "profile.png")
+    worst = run.isel(time=worst_of(run))
+    where = f"{rover.name} on {terrain.name}: steepest, {float(worst['distance']):.4g} m along its path"
+    pose_figure(rover, terrain, worst, where).savefig(folder / "worst.png")
+    return [folder / file for file in (f"{name}.nc", f"{name}.csv", "map.png", "profile.png", "worst.png")]
+
+
+def _summary(run: xr.Dataset) -> dict[str, Any]:
+    """Length, what became of the stations, and each channel's least and greatest value with where (SI, radians)."""
+    from ..figures.charts import tilt_of
+
+    status = run["status"].values
+    channels = {name: run[name].values for name in ("roll", "pitch", "rocker", "clearance")} | {
+        "tilt": tilt_of(run).values,
+        "bogie_left": run["bogie"].sel(side="left").values,
+        "bogie_right": run["bogie"].sel(side="right").values,
+    }
+    distance = run["distance"].values
+    extremes = {}
+    for name in ("tilt", "roll", "pitch", "rocker", "bogie_left", "bogie_right", "clearance"):
+        low, high = int(np.nanargmin(channels[name])), int(np.nanargmax(channels[name]))
+        extremes[name] = {
+            "min": float(channels[name][low]), "min_at": float(distance[low]),
+            "max": float(channels[name][high]), "max_at": float(distance[high]),
+        }  # fmt: skip
+    return {
+        "rover": run.attrs["rover"],
+        "terrain": run.attrs["terrain"],
+        "path": run.attrs["path"],
+        "length": float(distance[-1]),
+        "stations": int(status.size),
+        "status": {code.name: int((status == code).sum()) for code in Status if (status == code).any()},
+        "extremes": extremes,
+    }
+
+
+def _print_summary(rover: Rover, summary: dict[str, Any], files: list[FilePath]) -> None:
+    console = Console(highlight=False)
+    console.print(f"[bold]{summary['rover']}[/] on [bold]{summary['terrain']}[/]: {summary['path']}")
+    settled = summary["status"].get(Status.CONVERGED.name, 0)
+    others = [f"{count} {name}" for name, count in summary["status"].items() if name != Status.CONVERGED.name]
+    console.print(
+        f"{summary['length']:.2f} m, {settled} of {summary['stations']} stations settled" + "".join(f", {o}" for o in others)
+    )
+    table = Table(box=box.SIMPLE, padding=(0, 1))
+    for head in ("", "least", "at", "greatest", "at", "stops"):
+        table.add_column(head, justify="left" if head in ("", "stops") else "right")
+    stops = {"rocker": rover.rocker_limits, "bogie_left": rover.bogie_limits, "bogie_right": rover.bogie_limits}
+    for name, found in summary["extremes"].items():
+        low, high = (f"{found[k]:.3f} m" if name == "clearance" else f"{np.degrees(found[k]):.2f}°" for k in ("min", "max"))
+        limits = stops.get(name)
+        known = limits is not None and np.isfinite(limits).any()
+        between = f"{np.degrees(limits[0]):+.3g}°, {np.degrees(limits[1]):+.3g}°" if known and limits is not None else ""
+        table.add_row(name.replace("_", " "), low, f"{found['min_at']:.2f} m", high, f"{found['max_at']:.2f} m", between)
+    console.print(table)
+    for file in files:
+        print(file)

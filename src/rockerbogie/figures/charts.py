@@ -42,7 +42,9 @@ _STATUS_COLOURS = {
 
 def tilt_of(run: xr.Dataset) -> xr.DataArray:
     """Angle between the body's z and the vertical, rad."""
-    return np.arccos(np.clip(np.cos(run["roll"]) * np.cos(run["pitch"]), -1, 1))
+    level: xr.DataArray = np.cos(run["roll"]) * np.cos(run["pitch"])  # type: ignore[assignment]
+    tilt: xr.DataArray = np.arccos(level.clip(-1, 1))  # type: ignore[assignment]
+    return tilt
 
 
 def worst_of(run: xr.Dataset) -> int | None:
@@ -78,8 +80,8 @@ def run_map(rover: Rover, terrain: Terrain, run: xr.Dataset) -> Figure:
         bad = ~np.isfinite(tilt)
         if bad.any():
             ax.plot(x[bad], y[bad], "x", color="#b00000", ms=5, zorder=5, label=f"no pose found ({bad.sum()})")
-        ax.plot(x[0], y[0], "o", mfc="white", mec=INK, ms=8, zorder=6, label="start")
-        ax.plot(x[-1], y[-1], "s", mfc="white", mec=INK, ms=8, zorder=6, label="end")
+        ax.plot(x[0], y[0], "o", mfc="white", mec=INK, ms=8, zorder=6, clip_on=False, label="start")
+        ax.plot(x[-1], y[-1], "s", mfc="white", mec=INK, ms=8, zorder=6, clip_on=False, label="end")
         worst = worst_of(run)
         if worst is not None:
             label = f"steepest: {tilt[worst]:.1f}° at {float(run['distance'][worst]):.4g} m"
@@ -136,9 +138,7 @@ def run_profile(rover: Rover, terrain: Terrain, run: xr.Dataset) -> Figure:
             ax.legend(loc="lower left", bbox_to_anchor=(0, 0.98), ncols=5, fontsize=8.5, borderaxespad=0.1)
             ax.tick_params(labelbottom=False)
         if worst is not None:
-            ground.annotate(
-                "steepest", (s[worst], 1), xycoords=("data", "axes fraction"), xytext=(3, -10), textcoords="offset points", fontsize=8.5
-            )
+            ground.annotate("steepest", (s[worst], 0.9), xycoords=("data", "axes fraction"), fontsize=8.5)
         strip.set_xlim(s[0], s[-1])
         fig.align_ylabels(axes[:4])
     return fig
@@ -158,7 +158,8 @@ def _status_strip(ax: Axes, s: Array, status: Array) -> None:
     ax.set_yticks([])
     ax.grid(False)
     ax.set_xlabel("distance along the path (m)")
-    labels = [Patch(color=_STATUS_COLOURS[c], label=f"{c.name}: {MEANING[c][0]} ({100 * (status == c).mean():.3g} %)") for c in codes]
+    share = {code: f"{100 * (status == code).mean():.3g} %" for code in codes}
+    labels = [Patch(color=_STATUS_COLOURS[c], label=f"{c.name}: {MEANING[c][0]} ({share[c]})") for c in codes]
     ax.legend(handles=labels, loc="upper left", bbox_to_anchor=(0, -2.6), fontsize=8, borderaxespad=0)
 
 
@@ -200,7 +201,7 @@ def _scale_bar(ax: Axes, bounds: Bounds) -> None:
     x, y = bounds[0] + 0.04 * span, bounds[1] + 0.045 * (bounds[3] - bounds[1])
     ax.plot([x, x + length], [y, y], color=INK, lw=3, solid_capstyle="butt", path_effects=_HALO, zorder=8)
     ax.annotate(
-        f"{length:g} m", (x + length / 2, y), xytext=(0, 5), textcoords="offset points", ha="center", fontsize=9, path_effects=_HALO, zorder=8
+        f"{length:g} m", (x + length / 2, y), xytext=(0, 5), textcoords="offset points", ha="center", path_effects=_HALO, zorder=8
     )
 
 

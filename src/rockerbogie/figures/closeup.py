@@ -15,8 +15,8 @@ from ..status import MEANING, Status
 from ..terrain import Terrain
 from .charts import tilt_of
 from .landscape import block_base, ground_mesh, sample_ground
-from .render import Mesh, hidden_by
-from .scene import Bounds, draw, grid_step, look_from, rule_block, stance_mesh
+from .render import Camera, Mesh, hidden_by
+from .scene import Bounds, draw, grid_step, rule_block, stance_mesh
 from .style import INK, LEFT, RIGHT, figure, look
 
 if TYPE_CHECKING:
@@ -33,20 +33,23 @@ def pose_figure(rover: Rover, terrain: Terrain, stance: xr.Dataset, title: str) 
     bounds = _patch(rover, stance, terrain)
     base = block_base(sample_ground(terrain, bounds)[2])
     mesh = Mesh.join([ground_mesh(terrain, bounds, base), stance_mesh(rover, stance)])
-    camera = look_from(_seen_from(terrain, stance, bounds), np.radians(21), mesh, _SIZE, (0.06, 0.04, 0.03, 0.10))
+    camera = Camera.framing(
+        mesh.corners, _seen_from(terrain, stance, bounds), np.radians(21), _SIZE, margin=(0.06, 0.04, 0.03, 0.10)
+    )
     origin = (float(np.floor(bounds[0])), float(np.floor(bounds[1]))) if max(map(abs, bounds)) > 1e4 else (0.0, 0.0)
     with look():
         fig = figure(11.4, 6.6)
         fig.set_layout_engine("none")
         ax = fig.add_axes((0, 0, 0.72, 0.94))
-        draw(ax, mesh, camera, grid_step(bounds))
+        draw(ax, mesh, camera, float(stance["yaw"]), grid_step(bounds))
         rule_block(ax, camera, bounds, base, origin)
         point = stance["contact_point"].values
         place = camera.project(point)[:, :2]
         behind = hidden_by(mesh, camera, point) > 1.2 * rover.wheel_radius  # something other than its own wheel
         for i, name in enumerate(rover.wheel_names):
             if np.isfinite(place[i]).all():
-                ax.plot(*place[i], "o", ms=6, mfc="none" if behind[i] else "#F0E442", mec=INK, mew=1.0, alpha=0.5 if behind[i] else 1.0)
+                fill, shown = ("none", 0.5) if behind[i] else ("#F0E442", 1.0)
+                ax.plot(*place[i], "o", ms=6, mfc=fill, mec=INK, mew=1.0, alpha=shown)
                 ax.annotate(
                     name, place[i], xytext=(0, -15), textcoords="offset points", ha="center", fontsize=9.5, fontweight="bold",
                     color=(LEFT, RIGHT)[i % 2], path_effects=_HALO, alpha=0.6 if behind[i] else 1.0,

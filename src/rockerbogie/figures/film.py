@@ -14,8 +14,8 @@ from ..rover import Rover
 from ..terrain import Terrain
 from .landscape import ground_mesh
 from .paper import VIEW, crossing_bounds, tracks
-from .render import Mesh
-from .scene import draw, grid_step, look_from, picture_height, stance_mesh
+from .render import Camera, Mesh
+from .scene import draw, grid_step, picture_height, stance_mesh
 from .style import COLOURS, INK, LEFT, RIGHT, figure, look
 
 if TYPE_CHECKING:
@@ -27,13 +27,19 @@ _FRAME = 70  # ms
 
 
 def crossing_gif(
-    file: Path, rover: Rover, terrain: Terrain, run: xr.Dataset, *, frames: int = 72, progress: Callable[[float], None] = lambda share: None
+    file: Path,
+    rover: Rover,
+    terrain: Terrain,
+    run: xr.Dataset,
+    *,
+    frames: int = 72,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> None:
     """Write the rover's way over the ground as a GIF, its angles running along below."""
     bounds = crossing_bounds(run, rover, terrain)
     ground = Mesh.join([ground_mesh(terrain, bounds), *tracks(terrain, run)])
     height = picture_height(*VIEW, ground, _WIDTH, 0.06)
-    camera = look_from(*VIEW, ground, (_WIDTH, height), (0.01, 0.01, 0.08, 0.02))
+    camera = Camera.framing(ground.corners, *VIEW, (_WIDTH, height), margin=(0.01, 0.01, 0.08, 0.02))
     stops = np.linspace(0, run.sizes["time"] - 1, frames).round().astype(int)
     with look():
         fig = figure(_WIDTH / 100, (height + _CHART) / 100)
@@ -57,10 +63,10 @@ def crossing_gif(
         fig.set_dpi(100)
         for done, k in enumerate(stops):
             scene.clear()
-            draw(scene, Mesh.join([ground, stance_mesh(rover, run.isel(time=int(k)))]), camera, grid_step(bounds))
+            draw(scene, Mesh.join([ground, stance_mesh(rover, run.isel(time=int(k)))]), camera, 0.0, grid_step(bounds))
             now.set_xdata([float(run["x"][k])] * 2)
-            canvas.draw()
-            pictures.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))
+            canvas.draw()  # type: ignore[no-untyped-call]
+            pictures.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))  # type: ignore[no-untyped-call]
             progress((done + 1) / frames)
     palette = pictures[len(pictures) // 2].quantize(256, kmeans=2)
     still = [p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures]

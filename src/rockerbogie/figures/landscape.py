@@ -52,7 +52,8 @@ def block_base(z: Array) -> float:
 def _normals(points: Array) -> Array:
     along_y, along_x = np.gradient(points, axis=(0, 1))
     normal = np.cross(along_x, along_y)
-    return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    return normal
 
 
 def _cells(grid: Array) -> Array:

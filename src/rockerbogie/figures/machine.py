@@ -48,10 +48,10 @@ def rover_mesh(
         parts += [_tube(p - across, p + across, 1.5 * thick, _JOINT) for p in (rover.rocker_pivot[s], knees[s])]
     for i in range(6):
         s = WHEEL_SIDE[i]
-        start, rest, tilt = (
-            (knees[s], rover.bogie_pivot[s], arm[s] + hang[s]) if ON_BOGIE[i] else (rover.rocker_pivot[s], rover.rocker_pivot[s], arm[s])
+        pivot = rover.rocker_pivot[s]
+        start, rest, tilt, colour = (
+            (knees[s], rover.bogie_pivot[s], arm[s] + hang[s], _BOGIE[s]) if ON_BOGIE[i] else (pivot, pivot, arm[s], _ROCKER[s])
         )
-        colour = _BOGIE[s] if ON_BOGIE[i] else _ROCKER[s]
         width = max(float(rover.wheel_width[i]), 0.35 * float(rover.wheel_radius[i]))
         inboard = np.array([0.0, (-1.0 if s == 0 else 1.0) * (width / 2 + thick), 0.0])
         axle = axles[i]
@@ -60,7 +60,8 @@ def rover_mesh(
             top = rover.hubs[i] + np.append(rover.steering_offset[i], 1.3 * rover.wheel_radius[i])
             elbow = start + rotation_y(tilt) @ (top - rest)
             inner = elbow + axle[:3, :3] @ inboard
-            parts += [_tube(start, elbow, thick, colour), _tube(elbow, inner, thick, _JOINT), _tube(inner, foot, 0.8 * thick, _JOINT)]
+            parts += [_tube(start, elbow, thick, colour), _tube(elbow, inner, thick, _JOINT)]
+            parts.append(_tube(inner, foot, 0.8 * thick, _JOINT))
         else:
             parts.append(_tube(start, foot, thick, colour))
         parts.append(_tube(foot, axle[:3, 3], 0.8 * thick, _JOINT))

@@ -10,16 +10,19 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from ..rover import Rover
 from ..terrain import Terrain
 from .landscape import block_base, ground_mesh, sample_ground
-from .render import Mesh
-from .scene import Bounds, draw, grid_step, look_from, picture_height, rule_block, stance_mesh, trail_mesh
+from .render import Camera, Mesh
+from .scene import Bounds, draw, grid_step, picture_height, rule_block, stance_mesh, trail_mesh
 from .style import COLOURS, LEFT, RIGHT, figure, look
 
 if TYPE_CHECKING:
     import xarray as xr
+
+Array = NDArray[np.float64]
 
 VIEW = (np.radians(-62.0), np.radians(25.0))
 
@@ -33,19 +36,22 @@ class Curve:
     label: str
     colour: str
 
-    def degrees(self, run: xr.Dataset) -> xr.DataArray:
-        """The angle over the run, deg."""
+    def degrees(self, run: xr.Dataset) -> Array:
+        """The angle over the run (n,), deg."""
         values = run[self.variable]
         if self.member is not None:
             values = values.sel({values.dims[-1]: self.member})
-        return np.degrees(values)
+        return np.asarray(np.degrees(values.to_numpy()))
 
 
 def figures_7_to_9(rover: Rover) -> Mapping[str, tuple[str, Sequence[Curve]]]:
     """Title and curves of each: file name → (title, curves). The front wheels are those furthest along x."""
     front = [rover.wheel_names[i] for i in (np.argmax(rover.hubs[::2, 0]) * 2 + s for s in (0, 1))]
     return {
-        "figure7": ("Rover pitch and roll", [Curve("pitch", None, "pitch", COLOURS["pitch"]), Curve("roll", None, "roll", COLOURS["roll"])]),
+        "figure7": (
+            "Rover pitch and roll",
+            [Curve("pitch", None, "pitch", COLOURS["pitch"]), Curve("roll", None, "roll", COLOURS["roll"])],
+        ),
         "figure8": (
             "Rocker and bogie joint angles",
             [
@@ -82,14 +88,15 @@ def figure_6(rover: Rover, terrain: Terrain, run: xr.Dataset, at: float) -> Figu
     """The ground in three dimensions with the rover `at` m along its way, and the tracks of its wheels."""
     bounds = crossing_bounds(run, rover, terrain)
     base = block_base(sample_ground(terrain, bounds)[2])
-    mesh = Mesh.join([ground_mesh(terrain, bounds, base), *tracks(terrain, run), stance_mesh(rover, run.isel(time=_nearest(run, at)))])
+    stance = run.isel(time=int(np.abs(run["distance"].values - at).argmin()))
+    mesh = Mesh.join([ground_mesh(terrain, bounds, base), *tracks(terrain, run), stance_mesh(rover, stance)])
     size = (1800, picture_height(*VIEW, mesh, 1800, 0.03))
     with look():
         fig = figure(size[0] / 180, size[1] / 180)
         fig.set_layout_engine("none")
         ax = fig.add_axes((0, 0, 1, 1))
-        camera = look_from(*VIEW, mesh, size, (0.01, 0.03, 0.03, 0.03))
-        draw(ax, mesh, camera, grid_step(bounds))
+        camera = Camera.framing(mesh.corners, *VIEW, size, margin=(0.01, 0.03, 0.03, 0.03))
+        draw(ax, mesh, camera, 0.0, grid_step(bounds))
         rule_block(ax, camera, bounds, base)
         ax.text(0.985, 0.955, f"grid {grid_step(bounds):g} m", transform=ax.transAxes, ha="right", fontsize=8.5, color="#666666")
     return fig
@@ -110,7 +117,7 @@ def angles_figure(
     """
     with look():
         fig = figure(9.6, 6.2)
-        fig.get_layout_engine().set(h_pad=0.06)  # type: ignore[union-attr]
+        fig.set_layout_engine("constrained", h_pad=0.06)
         grid = fig.add_gridspec(2, 2, height_ratios=(1.55, 1))
         first = fig.add_subplot(grid[0, 0])
         second = fig.add_subplot(grid[0, 1], sharex=first, sharey=first)
@@ -124,8 +131,9 @@ def angles_figure(
         second.tick_params(labelleft=False)
         for curve in curves:
             gap = curve.degrees(difference)
-            rms = float(np.sqrt((gap**2).mean()))
-            below.plot(difference["x"], gap, color=curve.colour, lw=1.0, label=f"{curve.label}: RMS {rms:.4f}°, worst {float(abs(gap).max()):.3f}°")
+            rms, worst = np.sqrt(np.nanmean(gap**2)), np.nanmax(np.abs(gap))
+            label = f"{curve.label}: RMS {rms:.4f}°, worst {worst:.3f}°"
+            below.plot(difference["x"], gap, color=curve.colour, lw=1.0, label=label)
         below.set_title("(a) − (b)")
         below.set_ylabel("difference (deg)")
         _mark(below, marks, labelled=False)
@@ -152,7 +160,3 @@ def _mark(ax: Axes, marks: Mapping[str, float], *, labelled: bool) -> None:
                 label, (x, 1.0), xycoords=("data", "axes fraction"), xytext=(2, -2), textcoords="offset points",
                 rotation=90, va="top", fontsize=7.5, color="#777777",
             )  # fmt: skip
-
-
-def _nearest(run: xr.Dataset, at: float) -> int:
-    return int(np.abs(run["distance"].values - at).argmin())

@@ -12,11 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._kernels.jit import njit
+from .._kernels import picture
 
 Array = NDArray[np.float64]
 
-AMBIENT, FILL, SUN = 0.42, 0.16, 0.52  # light from the sky, from behind the viewer, from the sun
 SUN_PIXELS = 1500
 SHADOW_BIAS = 0.004  # of the scene's size: less makes surfaces shade themselves, more lets shadows float
 
@@ -127,7 +126,7 @@ def render(mesh: Mesh, camera: Camera, *, sun: tuple[float, float], grid: float 
     extent = float(np.ptp(mesh.corners.reshape(-1, 3), axis=0).max())
     pixel = float(np.linalg.norm(mesh.corners[0, 0] - camera.eye)) / camera.scale  # m, about
     image = np.zeros((camera.size[1], camera.size[0], 4))
-    _shade(
+    picture.shade(
         index, fine.project(mesh.corners), mesh.corners, mesh.normals, mesh.colours, mesh.ruled, fine.eye,
         -light.axes[2], shadow, light.axes, light.eye, light.scale, light.shift,
         SHADOW_BIAS * extent, grid, 0.5 * pixel, finer, image,
@@ -152,84 +151,5 @@ def _visible(mesh: Mesh, camera: Camera) -> tuple[NDArray[np.int32], Array]:
     """Which triangle each pixel sees (-1 none), and its nearness."""
     index = np.full((camera.size[1], camera.size[0]), -1, dtype=np.int32)
     near = np.full(index.shape, -np.inf)
-    _rasterise(camera.project(mesh.corners), index, near)
+    picture.rasterise(camera.project(mesh.corners), index, near)
     return index, near
-
-
-@njit
-def _rasterise(tri, index, near):  # type: ignore[no-untyped-def]
-    height, width = index.shape
-    for t in range(tri.shape[0]):
-        u0, v0, n0 = tri[t, 0]
-        u1, v1, n1 = tri[t, 1]
-        u2, v2, n2 = tri[t, 2]
-        area = (u1 - u0) * (v2 - v0) - (u2 - u0) * (v1 - v0)
-        if area == 0.0:
-            continue
-        for row in range(max(0, int(np.ceil(min(v0, v1, v2) - 0.5))), min(height - 1, int(np.floor(max(v0, v1, v2) - 0.5))) + 1):
-            v = row + 0.5
-            for col in range(max(0, int(np.ceil(min(u0, u1, u2) - 0.5))), min(width - 1, int(np.floor(max(u0, u1, u2) - 0.5))) + 1):
-                u = col + 0.5
-                b1 = ((u - u0) * (v2 - v0) - (u2 - u0) * (v - v0)) / area
-                b2 = ((u1 - u0) * (v - v0) - (u - u0) * (v1 - v0)) / area
-                if b1 < 0.0 or b2 < 0.0 or b1 + b2 > 1.0:
-                    continue
-                n = n0 + b1 * (n1 - n0) + b2 * (n2 - n0)
-                if n > near[row, col]:
-                    near[row, col] = n
-                    index[row, col] = t
-
-
-@njit
-def _shade(  # type: ignore[no-untyped-def]
-    index, tri, corners, normals, colours, ruled, eye, to_sun, shadow, sun_axes, sun_eye, sun_scale, sun_shift,
-    bias, grid, line, finer, image,
-):  # fmt: skip
-    height, width = index.shape
-    sun_height, sun_width = shadow.shape
-    p, n, q = np.empty(3), np.empty(3), np.empty(3)
-    for row in range(height):
-        for col in range(width):
-            t = index[row, col]
-            if t < 0:
-                continue
-            u0, v0, n0 = tri[t, 0]
-            u1, v1, n1 = tri[t, 1]
-            u2, v2, n2 = tri[t, 2]
-            area = (u1 - u0) * (v2 - v0) - (u2 - u0) * (v1 - v0)
-            u, v = col + 0.5, row + 0.5
-            b1 = ((u - u0) * (v2 - v0) - (u2 - u0) * (v - v0)) / area
-            b2 = ((u1 - u0) * (v - v0) - (u - u0) * (v1 - v0)) / area
-            w0, w1, w2 = (1.0 - b1 - b2) * n0, b1 * n1, b2 * n2  # perspective: weights over depth
-            total = w0 + w1 + w2
-            nn, seen, away = 0.0, 0.0, 0.0
-            for k in range(3):
-                p[k] = (w0 * corners[t, 0, k] + w1 * corners[t, 1, k] + w2 * corners[t, 2, k]) / total
-                n[k] = w0 * normals[t, 0, k] + w1 * normals[t, 1, k] + w2 * normals[t, 2, k]
-                nn += n[k] * n[k]
-                seen += n[k] * (eye[k] - p[k])
-                away += (eye[k] - p[k]) ** 2
-            flip = (1.0 if seen > 0.0 else -1.0) / max(np.sqrt(nn), 1e-12)
-            lambert = 0.0
-            for k in range(3):
-                n[k] *= flip
-                lambert += n[k] * to_sun[k]
-            if lambert > 0.0:
-                for i in range(3):  # the point, lifted off its own surface, as the sun sees it
-                    q[i] = 0.0
-                    for k in range(3):
-                        q[i] += sun_axes[i, k] * (p[k] + 2.0 * bias * n[k] - sun_eye[k])
-                su, sv = int(q[0] * sun_scale + sun_shift[0]), int(q[1] * sun_scale + sun_shift[1])
-                dark = 0
-                for r in range(max(0, sv - 2), min(sun_height, sv + 3)):
-                    for c in range(max(0, su - 2), min(sun_width, su + 3)):
-                        dark += shadow[r, c] > bias - q[2]
-                lambert *= 1.0 - dark / 25.0
-            level = AMBIENT * (0.8 + 0.2 * n[2]) + FILL * abs(seen) / np.sqrt(nn * away) + SUN * max(0.0, lambert)
-            if ruled[t] and grid > 0.0:
-                off = min(abs(p[0] - grid * np.round(p[0] / grid)), abs(p[1] - grid * np.round(p[1] / grid)))
-                level *= 1.0 - 0.28 * min(1.0, max(0.0, 2.0 - off / line))
-            share = 1.0 / (finer * finer)
-            for k in range(3):
-                image[row // finer, col // finer, k] += share * min(1.0, colours[t, k] * level)
-            image[row // finer, col // finer, 3] += share

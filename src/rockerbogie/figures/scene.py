@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from ..frames import body_transform
 from ..rover import Rover
 from ..terrain import Terrain
-from .landscape import ground_mesh
 from .machine import rover_mesh
 from .render import Camera, Mesh, render
 from .style import INK
@@ -24,7 +23,7 @@ Array = NDArray[np.float64]
 Bounds = tuple[float, float, float, float]
 
 _SUN_HEIGHT = np.radians(48.0)
-_SUN_LEFT = np.radians(-42.0)  # of the viewer's back
+_SUN_BESIDE = np.radians(42.0)  # the viewer's back, at most
 
 
 def stance_mesh(rover: Rover, stance: xr.Dataset) -> Mesh:
@@ -49,25 +48,27 @@ def trail_mesh(terrain: Terrain, x: ArrayLike, y: ArrayLike, colour: ArrayLike, 
     return Mesh.flat(corners[np.isfinite(corners).all(axis=(1, 2))], colour)
 
 
-def look_from(azimuth: float, elevation: float, mesh: Mesh, size: tuple[int, int], margin: tuple[float, float, float, float]) -> Camera:
-    """A camera that sees all of a mesh from a direction, rad."""
-    return Camera.framing(mesh.corners, azimuth, elevation, size, margin=margin)
-
-
 def picture_height(azimuth: float, elevation: float, mesh: Mesh, width: int, room: float) -> int:
     """How many pixels a picture `width` wide needs for its height, `room` (a share of the width) left free above and below."""
-    seen = look_from(azimuth, elevation, mesh, (width, width), (0.0, 0.0, 0.0, 0.0)).project(mesh.corners)[..., 1]
+    seen = Camera.framing(mesh.corners, azimuth, elevation, (width, width), margin=(0, 0, 0, 0)).project(mesh.corners)[..., 1]
     return round((np.ptp(seen) + room * width) / 20) * 20
 
 
-def draw(ax: Axes, mesh: Mesh, camera: Camera, grid: float, *, finer: int = 2) -> None:
-    """Show a mesh on axes measured in the camera's pixels, lit from over the viewer's left shoulder."""
+def draw(ax: Axes, mesh: Mesh, camera: Camera, yaw: float, grid: float) -> None:
+    """Show a mesh on axes measured in the camera's pixels, lit over that shoulder which a rover heading `yaw` turns its side to."""
     azimuth = float(np.arctan2(-camera.axes[2, 1], -camera.axes[2, 0]))
-    image = render(mesh, camera, sun=(azimuth + _SUN_LEFT, _SUN_HEIGHT), grid=grid, finer=finer)
+    to_left, to_right = (_wrap(yaw + side - azimuth) for side in (np.pi / 2, -np.pi / 2))
+    beside = to_left if abs(to_left) < abs(to_right) else to_right
+    sun = azimuth + float(np.clip(beside, -_SUN_BESIDE, _SUN_BESIDE))
+    image = render(mesh, camera, sun=(sun, _SUN_HEIGHT), grid=grid)
     ax.imshow(image, extent=(0, camera.size[0], camera.size[1], 0), interpolation="antialiased")
     ax.set_xlim(0, camera.size[0])
     ax.set_ylim(camera.size[1], 0)
     ax.set_axis_off()
+
+
+def _wrap(angle: float) -> float:
+    return float((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
 def rule_block(ax: Axes, camera: Camera, bounds: Bounds, base: float, origin: tuple[float, float] = (0.0, 0.0)) -> None:
@@ -77,11 +78,11 @@ def rule_block(ax: Axes, camera: Camera, bounds: Bounds, base: float, origin: tu
     nearest_x = max((xmin, xmax), key=lambda x: camera.project([x, (ymin + ymax) / 2, base])[1])
     centre = np.array([(xmin + xmax) / 2, (ymin + ymax) / 2, base])
     for axis, name in ((0, "x"), (1, "y")):
-        low, high = (xmin, xmax) if axis == 0 else (ymin, ymax)
-        ticks = MaxNLocator(nbins=6 if axis == 0 else 4, steps=[1, 2, 5, 10]).tick_values(low - origin[axis], high - origin[axis])
-        ticks = ticks[(ticks >= low - origin[axis] - 1e-9) & (ticks <= high - origin[axis] + 1e-9)]
+        low, high = bounds[axis] - origin[axis], bounds[axis + 2] - origin[axis]
+        ticks = np.asarray(MaxNLocator(nbins=6 if axis == 0 else 4, steps=[1, 2, 5, 10]).tick_values(low, high))
+        ticks = ticks[(ticks >= low - 1e-9) & (ticks <= high + 1e-9)]
         points = np.tile([nearest_x, nearest_y, base], (len(ticks) + 1, 1))
-        points[:, axis] = np.append(ticks + origin[axis], (low + high) / 2)
+        points[:, axis] = np.append(ticks, (low + high) / 2) + origin[axis]
         outward = np.zeros(3)
         outward[1 - axis] = np.sign((points[-1] - centre)[1 - axis])
         start = camera.project(points)[:, :2]
@@ -90,13 +91,14 @@ def rule_block(ax: Axes, camera: Camera, bounds: Bounds, base: float, origin: tu
         unit = camera.size[0] / 100
         for tick, p, w in zip(ticks, start, way, strict=False):
             ax.plot(*np.stack([p, p + 0.8 * unit * w]).T, color="#777777", lw=0.8, clip_on=False)
-            ax.text(*(p + 2.1 * unit * w), f"{tick:g}", ha="center", va="center", fontsize=8.5, color=INK)
-        ax.text(*(start[-1] + 5.0 * unit * way[-1]), f"{name} (m)", ha="center", va="center", fontsize=9.5, color=INK)
+            x, y = p + 2.1 * unit * w
+            ax.text(x, y, f"{tick:g}", ha="center", va="center", fontsize=8.5, color=INK)
+        x, y = start[-1] + 5.0 * unit * way[-1]
+        ax.text(x, y, f"{name} (m)", ha="center", va="center", fontsize=9.5, color=INK)
 
 
 def grid_step(bounds: Bounds) -> float:
     """A round spacing that rules some twenty lines over the longer side, m."""
-    span = max(bounds[2] - bounds[0], bounds[3] - bounds[1])
-    rough = span / 20
+    rough = max(bounds[2] - bounds[0], bounds[3] - bounds[1]) / 20
     power = 10.0 ** np.floor(np.log10(rough))
-    return float(min((1, 2, 5, 10), key=lambda m: abs(np.log(m * power / rough))) * power)
+    return min((float(m * power) for m in (1, 2, 5, 10)), key=lambda step: abs(float(np.log(step / rough))))

@@ -43,7 +43,7 @@ _LOOK: dict[str, Any] = {
 
 def look() -> Any:
     """Context in which a figure is made: `with look(): fig = Figure(...)`. Touches no global state outside it."""
-    return rc_context(_LOOK)
+    return rc_context(_LOOK)  # type: ignore[arg-type]
 
 
 def figure(width: float, height: float) -> Figure:
