@@ -45,8 +45,8 @@ def sampled(path: Path, terrain: rb.Terrain, stride: int = 1) -> np.ndarray:
     """Rasterio's value at every (stride-th) node of a terrain, and nan where it has none."""
     x, y = np.meshgrid(terrain.x[::stride], terrain.y[::stride])
     with rasterio.open(path) as raster:
-        values = np.ma.array([v[0] for v in raster.sample(zip(x.ravel(), y.ravel(), strict=True), masked=True)])
-    return np.ma.filled(values.astype(float), np.nan).reshape(x.shape)
+        found = raster.sample(zip(x.ravel(), y.ravel(), strict=True), masked=True)
+        return np.array([np.ma.filled(v.astype(float), np.nan)[0] for v in found]).reshape(x.shape)
 
 
 @pytest.mark.parametrize("name", ["marsyard2021/marsyard_terrain_hm.tif", "gale/missionDEM.tif", "perseverance/site78.tif"])
