@@ -52,7 +52,7 @@ def sampled(path: Path, terrain: rb.Terrain, stride: int = 1) -> np.ndarray:
 @pytest.mark.parametrize("name", ["marsyard2021/marsyard_terrain_hm.tif", "gale/missionDEM.tif", "perseverance/site78.tif"])
 def test_real_rasters_are_as_rasterio_samples_them(data: Callable[[str], Path], name: str) -> None:
     terrain = rb.Terrain.from_raster(data(name))
-    assert_close(terrain.z, sampled(data(name), terrain), 0, "m", "the same pixels")
+    assert_close(terrain.z[::11, ::11], sampled(data(name), terrain, 11), 0, "m", "the same pixels")
     assert_close(
         terrain.height(*np.meshgrid(terrain.x[5:9], terrain.y[7:12])), terrain.z[7:12, 5:9], 1e-9, "m", "nodes are centres"
     )
