@@ -34,13 +34,16 @@ clean:  ## what the other targets made
 	$(PYTHON) -m venv .venv
 
 .venv/run.stamp: pyproject.toml .venv/pyvenv.cfg
-	$(BIN)/python -m pip install -q -e .
+	@echo 'installing into .venv, once: a minute or two'
+	$(BIN)/python -m pip install -qq -e .
 	@touch $@
 
 .venv/dev.stamp: pyproject.toml .venv/pyvenv.cfg
-	$(BIN)/python -m pip install -q -e '.[dev]'
+	@echo 'installing into .venv, once: a minute or two'
+	$(BIN)/python -m pip install -qq -e '.[dev]'
 	@touch $@ .venv/run.stamp
 
 .venv/docs.stamp: pyproject.toml .venv/pyvenv.cfg
-	$(BIN)/python -m pip install -q -e '.[docs]'
+	@echo 'installing into .venv, once: a minute or two'
+	$(BIN)/python -m pip install -qq -e '.[docs]'
 	@touch $@ .venv/run.stamp

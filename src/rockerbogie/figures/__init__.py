@@ -1,0 +1,1 @@
+"""Pictures: drawn from a run, without a display; `style` is their one look."""
