@@ -71,6 +71,12 @@ def middle(terrain: Terrain) -> tuple[float, float]:
     return (xmin + xmax) / 2, (ymin + ymax) / 2
 
 
+def map_span(terrain: Terrain) -> str:
+    """Where the map lies, in words."""
+    xmin, ymin, xmax, ymax = terrain.bounds
+    return f"the map spans ({xmin:.10g}, {ymin:.10g}) to ({xmax:.10g}, {ymax:.10g}) m"
+
+
 def make_folder(folder: Path) -> Path:
     """The folder to write to, made if it is not there.
 

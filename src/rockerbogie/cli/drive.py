@@ -19,7 +19,19 @@ from ..path import Path
 from ..rover import Rover
 from ..status import MEANING, Status
 from ..terrain import Terrain
-from .common import Folder, Json, Linear, RoverName, TerrainName, load_terrain, make_folder, parse_point, print_json, progress
+from .common import (
+    Folder,
+    Json,
+    Linear,
+    RoverName,
+    TerrainName,
+    load_terrain,
+    make_folder,
+    map_span,
+    parse_point,
+    print_json,
+    progress,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -140,11 +152,10 @@ def _on_the_map(run: xr.Dataset, terrain: Terrain) -> xr.Dataset:
     off = status == Status.OFF_MAP
     if off.any():
         k = int(np.argmax(off))
-        xmin, ymin, xmax, ymax = terrain.bounds
         raise PathError(
             f"the path takes a wheel off the map at {float(run['distance'][k]):.4g} m along it, near ({float(run['x'][k]):.10g}, "
             f"{float(run['y'][k]):.10g}) m, and for {100 * off.mean():.3g} % of its stations: "
-            f"the map spans ({xmin:.10g}, {ymin:.10g}) to ({xmax:.10g}, {ymax:.10g}) m; move the waypoints inward"
+            f"{map_span(terrain)}; move the waypoints inward"
         )
     if not np.isfinite(run["z"].values).any():
         why, remedy = MEANING[Status(int(status[0]))]

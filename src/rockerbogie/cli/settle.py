@@ -16,7 +16,19 @@ from ..pose import Pose
 from ..rover import Rover
 from ..settle import settle as settle_rover
 from ..status import MEANING, Status
-from .common import Folder, Json, Linear, RoverName, TerrainName, load_terrain, make_folder, middle, parse_point, print_json
+from .common import (
+    Folder,
+    Json,
+    Linear,
+    RoverName,
+    TerrainName,
+    load_terrain,
+    make_folder,
+    map_span,
+    middle,
+    parse_point,
+    print_json,
+)
 
 #: Exit code where the rover finds no rest: an answer, not a wrong call.
 EXIT_NO_POSE = 1
@@ -66,11 +78,8 @@ def settle(
     pose = settle_rover(machine, ground, x, y, np.radians(yaw), steering=_steering(machine, steering), mode=mode)
     status = Status(int(pose.status))
     if status in (Status.OFF_MAP, Status.NO_DATA):
-        xmin, ymin, xmax, ymax = ground.bounds
         why, remedy = MEANING[status]
-        raise RockerbogieError(
-            f"at ({x:.10g}, {y:.10g}) m {why}; {remedy} (the map spans ({xmin:.10g}, {ymin:.10g}) to ({xmax:.10g}, {ymax:.10g}) m)"
-        )
+        raise RockerbogieError(f"at ({x:.10g}, {y:.10g}) m {why}; {remedy} ({map_span(ground)})")
     found = bool(np.isfinite(pose.z))
     files = []
     if output is not None:

@@ -55,7 +55,7 @@ def picture_height(azimuth: float, elevation: float, mesh: Mesh, width: int, roo
 
 
 def draw(ax: Axes, mesh: Mesh, camera: Camera, yaw: float, grid: float) -> None:
-    """Show a mesh on axes measured in the camera's pixels, lit over that shoulder which a rover heading `yaw` turns its side to."""
+    """Show a mesh on axes measured in pixels, lit over that shoulder which a rover heading `yaw` turns its side to."""
     azimuth = float(np.arctan2(-camera.axes[2, 1], -camera.axes[2, 0]))
     to_left, to_right = (_wrap(yaw + side - azimuth) for side in (np.pi / 2, -np.pi / 2))
     beside = to_left if abs(to_left) < abs(to_right) else to_right
