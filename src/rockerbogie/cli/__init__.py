@@ -13,14 +13,19 @@ sub-commands gives a `cyclopts.App(name="thing")` in place of the function. Rule
 
 from __future__ import annotations
 
+import os
 import sys
+import warnings
 from collections.abc import Sequence
+from typing import Any
 
 COMMANDS: dict[str, tuple[str, str]] = {
     "reproduce": ("rockerbogie.cli.reproduce:reproduce", "Reproduce section III of the paper: figures, data, animation, report."),
     "settle": ("rockerbogie.cli.settle:settle", "Let a rover settle at one place, and show how it sits there."),
     "drive": ("rockerbogie.cli.drive:drive", "Drive a rover along a path, and show what it goes through."),
     "simulate": ("rockerbogie.cli.drive:simulate", "The same drive in MuJoCo's rigid-body dynamics, compared with ours."),
+    "rovers": ("rockerbogie.cli.rovers:app", "The rovers there are; one with its dimensions; a new one; one from a robot file."),
+    "export": ("rockerbogie.cli.export:export", "A rover as URDF, SDF, MJCF or TOML, or on ground as a Gazebo world."),
 }
 
 EXIT_BAD_INPUT = 2
@@ -30,13 +35,15 @@ EXIT_INTERRUPTED = 130
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and give its exit code: 0 done, 2 bad input (one sentence on stderr), 130 interrupted."""
     try:
-        return _run(sys.argv[1:] if argv is None else list(argv))
+        code = _run(sys.argv[1:] if argv is None else list(argv))
+        sys.stdout.flush()
     except KeyboardInterrupt:
         print("\ninterrupted", file=sys.stderr)
         return EXIT_INTERRUPTED
-    except BrokenPipeError:  # the reader of our output has left: nothing more to say to it
-        sys.stderr.close()
+    except BrokenPipeError:  # the reader of our output has left: nothing more to say to it, nor as Python ends
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    return code
 
 
 def _run(argv: list[str]) -> int:
@@ -55,11 +62,15 @@ def _run(argv: list[str]) -> int:
     for name, (target, summary) in COMMANDS.items():
         app.command(target, name=name, help=summary)
     try:
-        result = app(argv, exit_on_error=False, print_error=False, result_action="return_value")
+        with warnings.catch_warnings():
+            warnings.showwarning = _note
+            result = app(argv, exit_on_error=False, print_error=False, result_action="return_value")
     except cyclopts.CycloptsError as error:
         return _complain(str(error))
     except RockerbogieError as error:
         return _complain(str(error))
+    except BrokenPipeError:
+        raise
     except OSError as error:
         return _complain(f"{error.filename}: {error.strerror}" if error.filename else str(error))
     return result if isinstance(result, int) else 0
@@ -68,6 +79,10 @@ def _run(argv: list[str]) -> int:
 def _complain(sentence: str) -> int:
     print(f"rockerbogie: {' '.join(sentence.split())}", file=sys.stderr)
     return EXIT_BAD_INPUT
+
+
+def _note(message: Warning | str, *_: Any) -> None:
+    print(f"rockerbogie: note: {message}", file=sys.stderr)
 
 
 def _version() -> str:
