@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -61,28 +62,20 @@ def _side(axes: Any, rover: Rover, length: float) -> None:
         axes.add_patch(Circle((hub[0], hub[2]), radius[2 * i], fc="white", ec=INK, lw=1.5, zorder=2))
         axes.plot(hub[0], hub[2], "o", color=INK, ms=4, zorder=4)
         steers = " (steers)" if rover.steers[2 * i] else ""
-        axes.annotate(
-            f"{rover.wheel_names[2 * i]}{steers}\nr {_mm(radius[2 * i])}", (hub[0], hub[2] + 0.30 * radius[2 * i]), ha="center", va="bottom",
-            fontsize=8, color=INK, zorder=5, bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.75},
-        )  # fmt: skip
+        label = f"{rover.wheel_names[2 * i]}{steers}\nr {_mm(radius[2 * i])}"
+        axes.text(hub[0], hub[2] + 0.32 * radius[2 * i], label, ha="center", va="bottom", fontsize=8, color=INK, zorder=5)
+    white = {"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.8}
     for point, name in ((rocker, "rocker pivot"), (bogie, "bogie pivot")):
         axes.plot(point[0], point[2], "o", color="white", mec=INK, mew=1.5, ms=7, zorder=6)
         axes.annotate(
-            name,
-            (point[0], point[2]),
-            (0, 9),
-            textcoords="offset points",
-            fontsize=8,
-            color=INK,
-            ha="center",
-            va="bottom",
-            zorder=7,
-        )
+            name, (point[0], point[2]), (0, 10), textcoords="offset points", fontsize=8, color=INK, ha="center", va="bottom",
+            bbox=white, zorder=7,
+        )  # fmt: skip
     axes.axhline(ground, color=_FAINT, lw=1)
     step = 0.075 * length
     stations = np.array([*hubs[:, 0], rocker[0], bogie[0]])
     ordered = np.sort(np.unique(np.round(stations, 6)))
-    for a, b in zip(ordered[:-1], ordered[1:], strict=True):
+    for a, b in pairwise(ordered):
         _measure(axes, (a, ground - step), (b, ground - step), _mm(b - a), small=b - a < 0.08 * length)
     for x in ordered:
         axes.plot([x, x], [ground - 1.2 * step, ground], color=_FAINT, lw=0.6, ls=":")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 import warnings
 from collections.abc import Sequence
 from importlib.resources import files
@@ -15,16 +16,27 @@ from .mjcf import read_mjcf
 from .safe_xml import MAX_BYTES, parse_xml
 from .sdf import read_sdf, to_sdf
 from .toml import read_toml
+from .toml_text import schema, to_toml
 from .tree import Tree
 from .urdf import read_urdf, to_urdf
 
-__all__ = ["Import", "import_rover", "load_rover", "presets", "to_sdf", "to_urdf"]
+__all__ = ["Import", "import_rover", "load_rover", "presets", "read_details", "schema", "to_sdf", "to_toml", "to_urdf"]
 
 
 def presets() -> dict[str, Path]:
     """The rovers that come with the package: name to the folder that holds its `rover.toml` and `README.md`."""
     root = Path(str(files("rockerbogie").joinpath("rovers")))
     return {folder.name: folder for folder in sorted(root.iterdir()) if (folder / "rover.toml").is_file()}
+
+
+def read_details(name_or_path: str | Path) -> dict[str, str]:
+    """What a TOML rover's file says of it in words: its `title` and `grade`; nothing for other files."""
+    path = presets().get(str(name_or_path), Path(name_or_path))
+    path = path / "rover.toml" if path.is_dir() else path
+    if path.suffix.lower() != ".toml":
+        return {}
+    tree = tomllib.loads(_decoded(_read(path), path.name))
+    return {key: tree[key] for key in ("title", "grade") if isinstance(tree.get(key), str)}
 
 
 def load_rover(name_or_path: str | Path) -> Rover:
@@ -48,7 +60,7 @@ def load_rover(name_or_path: str | Path) -> Rover:
     result = import_rover(path)
     if result.guessed or result.mended:
         warnings.warn(
-            f"{path.name}: {len(result.guessed)} things guessed and {len(result.mended)} mended; rockerbogie.import_rover says which",
+            f"{path.name}: {len(result.guessed)} things guessed, {len(result.mended)} mended; import_rover says which",
             stacklevel=2,
         )
     return result.rover
@@ -89,19 +101,20 @@ def read_tree(data: bytes | str, what: str) -> Tree:
     readers = {"robot": read_urdf, "sdf": read_sdf, "mujoco": read_mjcf}
     root = parse_xml(data, what).tag
     if root not in readers:
-        raise RoverError(f"{what}: its root element is <{root[:40]}>; URDF begins with <robot>, SDF with <sdf>, MJCF with <mujoco>")
+        raise RoverError(
+            f"{what}: its root element is <{root[:40]}>; URDF begins with <robot>, SDF with <sdf>, MJCF with <mujoco>"
+        )
     return readers[root](data, what)
 
 
 def _read(path: Path) -> bytes:
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise RoverError(f"{path.name}: {path.stat().st_size / 1e6:.0f} MB; a rover takes well under one, the limit is {MAX_BYTES / 1e6:.0f} MB")
+        size = path.stat().st_size / 1e6
+        if size > MAX_BYTES / 1e6:
+            raise RoverError(f"{path.name}: {size:.0f} MB; a rover takes well under one, the limit is {MAX_BYTES / 1e6:.0f} MB")
         return path.read_bytes()
-    except (OSError, ValueError) as error:
-        if isinstance(error, RoverError):
-            raise
-        raise RoverError(f"cannot read rover file {str(path)!r}: {getattr(error, 'strerror', None) or error}") from None
+    except OSError as error:
+        raise RoverError(f"cannot read rover file {str(path)!r}: {error.strerror or error}") from None
 
 
 def _decoded(data: bytes, what: str) -> str:

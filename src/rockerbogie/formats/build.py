@@ -12,12 +12,10 @@ from numpy.typing import NDArray
 from ..errors import RoverError
 from ..rover import IDEAL_DIFFERENTIAL, Link, Rover
 from .find import Hinge, Roles, find_roles
+from .limits import check_size, check_wheelbase
 from .tree import DISC, Shape, Tree
 
 Array = NDArray[np.float64]
-
-#: A rover's wheelbase lies between these, m; what does not is in other units.
-SMALLEST, LARGEST = 0.02, 20.0
 
 
 @dataclass(frozen=True)
@@ -50,10 +48,7 @@ def build(
     roles = find_roles(tree, what, joints or {}, forward, up)
     reader = _Reader(tree, what, roles, scale)
     hubs = reader.hubs()
-    base = float(np.ptp(hubs[:, 0]))
-    if not SMALLEST <= base <= LARGEST:
-        hint = "are these millimetres? give scale=0.001" if base > LARGEST else "are these in the wrong unit? give scale="
-        raise RoverError(f"{what}: its wheelbase would be {base:.4g} m; {hint}")
+    check_wheelbase(float(np.ptp(hubs[:, 0])), what)
     given: dict[str, Any] = {"name": tree.name, "source": f"imported from {what}"}
     given |= {"hubs": hubs, "bogie_pivot": reader.points(roles.bogies)}
     given["rocker_pivot"] = reader.rocker_pivot(overrule.get("rocker_pivot"))
@@ -65,9 +60,14 @@ def build(
     given["bogie_limits"] = reader.limits(roles.bogies, "bogies")
     given["body_box"] = reader.body_box()
     given["wheel_names"] = reader.wheel_names()
-    shape = {key: value for key, value in (given | overrule).items() if key not in ("mass", "body", "rockers", "bogies", "wheels")}
+    shape = {
+        key: value for key, value in (given | overrule).items() if key not in ("mass", "body", "rockers", "bogies", "wheels")
+    }
     links = reader.links(shape, overrule.get("mass"))
-    rover = Rover.from_pivots(**shape, **links, **{k: overrule[k] for k in ("body", "rockers", "bogies", "wheels") if k in overrule})
+    rover = Rover.from_pivots(
+        **shape, **links, **{k: overrule[k] for k in ("body", "rockers", "bogies", "wheels") if k in overrule}
+    )
+    check_size(rover, what)
     if overrule:
         roles.found.append(f"overruled by you: {', '.join(overrule)}")
     return Import(rover, tuple(roles.found), tuple(roles.guessed), tuple(roles.mended))
@@ -114,7 +114,8 @@ class _Reader:
         if not rockers:
             if given is None:
                 raise RoverError(
-                    f"{self.what}: its rockers are one piece with the body and no joint marks where they turn: give rocker_pivot=(x, y, z) of the left one"
+                    f"{self.what}: its rockers are one piece with the body and no joint marks where they turn: "
+                    "give rocker_pivot=(x, y, z) of the left one"
                 )
             self.roles.mended.append("the rockers are one piece with the body: cut loose at the pivot given")
             return np.zeros((2, 3))  # overruled
@@ -134,7 +135,10 @@ class _Reader:
                 continue
             point, axis = self.at(steer.point), self.turn @ steer.axis
             if abs(axis[2]) < 0.5:
-                raise RoverError(f"{self.what}: steering joint {steer.joint.name!r} does not stand upright; leave it out of joints={{'steering': [...]}}")
+                raise RoverError(
+                    f"{self.what}: steering joint {steer.joint.name!r} does not stand upright; "
+                    "leave it out of joints={'steering': [...]}"
+                )
             offset[i] = (point + axis * (hubs[i, 2] - point[2]) / axis[2] - hubs[i])[:2]
             if (lean := np.degrees(np.arccos(min(1.0, abs(axis[2]))))) > 1e-4:
                 self.roles.mended.append(f"steering axis {steer.joint.name!r} leans {lean:.2g} deg; stood upright")
@@ -159,10 +163,13 @@ class _Reader:
             height = float(np.median(hubs[:, 2]))
             if height <= 0 or np.ptp(hubs[:, 2]) > 0.4 * height or 2 * height > np.ptp(hubs[:, 0]):
                 raise RoverError(
-                    f"{self.what}: its wheels have no size in the file (meshes are not read): give wheel_radius= and wheel_width= in metres"
+                    f"{self.what}: its wheels have no size in the file (meshes are not read): "
+                    "give wheel_radius= and wheel_width= in metres"
                 )
             radius[:] = height
-            self.roles.guessed.append(f"wheel_radius {height:.6g} m: the hubs' height over the file's origin, as the wheels have no size")
+            self.roles.guessed.append(
+                f"wheel_radius {height:.6g} m: the hubs' height over the file's origin, as the wheels have no size"
+            )
         if len(missing) == 6 and "wheel_width" not in overrule:
             self.roles.guessed.append("wheel_width 0 (thin discs), as the wheels have no size")
         return radius, width
@@ -195,7 +202,9 @@ class _Reader:
             if ratio < 0:
                 self.roles.found.append(f"differential: right = {ratio:g} left")
                 return np.array([0.0, ratio])
-            self.roles.mended.append(f"the rockers were tied to turn alike (ratio {ratio:g}); closed with the ideal differential, -1")
+            self.roles.mended.append(
+                f"the rockers were tied to turn alike (ratio {ratio:g}); closed with the ideal differential, -1"
+            )
         elif not self.roles.freed:
             self.roles.mended.append("nothing ties the two rockers: closed with the ideal differential, right = -left")
         return np.array(IDEAL_DIFFERENTIAL)
@@ -206,7 +215,9 @@ class _Reader:
         while (mimic := self.tree.joints[name].mimic) is not None:
             name, factor = mimic[0], factor * mimic[1]
             if name not in self.tree.joints or name in seen:
-                raise RoverError(f"{self.what}: a joint mimics {name!r}, which is {'itself' if name in seen else 'not in the file'}")
+                raise RoverError(
+                    f"{self.what}: a joint mimics {name!r}, which is {'itself' if name in seen else 'not in the file'}"
+                )
             seen.add(name)
         return name, factor
 
@@ -269,7 +280,7 @@ class _Reader:
         return names if short and len(set(names)) == 6 else None
 
     def _assign(self) -> dict[str, str]:
-        """Which part of the rover each link belongs to; what is neither rocker, bogie, knuckle nor wheel goes with what carries it."""
+        """Which part of the rover each link belongs to; what has no role of its own goes with what carries it."""
         roles, owner = self.roles, {}
         for s, side in enumerate(("left", "right")):
             for hinge in (roles.rockers[s], roles.arms[s]):
@@ -311,7 +322,11 @@ class _Reader:
         mass = sum(p.mass for p in parts)
         if mass == 0:
             return Link(0.0, np.zeros(3), np.zeros((3, 3)))
-        placed = [(p.mass, self.at((self.T[p.name] @ [*p.com, 1.0])[:3]), self.turn @ self.T[p.name][:3, :3], p.inertia) for p in parts if p.mass]
+        placed = [
+            (p.mass, self.at((self.T[p.name] @ [*p.com, 1.0])[:3]), self.turn @ self.T[p.name][:3, :3], p.inertia)
+            for p in parts
+            if p.mass
+        ]
         com = placed[0][1] if len(placed) == 1 else sum((m * c for m, c, _, _ in placed), np.zeros(3)) / mass
         inertia = np.zeros((3, 3))
         for m, c, R, own in placed:

@@ -111,7 +111,7 @@ class _Search:
         ranked = sorted(clusters.values(), key=len, reverse=True)
         if not ranked or len(ranked[0]) < 6:
             most = len(ranked[0]) if ranked else 0
-            raise RoverError(f"{self.what}: at most {most} of its outermost hinges lie parallel; a rocker-bogie has six wheels on parallel axles")
+            raise RoverError(f"{self.what}: at most {most} of its outermost hinges lie parallel; a rover has six wheels")
         complaint = ""
         for cluster in ranked:
             if len(cluster) < 6:
@@ -162,8 +162,8 @@ class _Search:
                     choices.append((kind, apart(w1, w2) + apart(b1, b2), b1, b2, w1, w2))
         if not choices:
             raise RoverError(
-                f"{self.what}: of its hinges, {len(cluster)} could be wheels and {len(bogies)} could be bogies (two wheels on one arm), "
-                "but no left and right pair of bogies with a rocker wheel to each was found among them: "
+                f"{self.what}: of its hinges, {len(cluster)} could be wheels and {len(bogies)} bogies (two on one arm), but no "
+                "left and right pair of bogies with a rocker wheel to each was found among them: "
                 "name them with joints={'wheels': [...], 'bogies': [...], 'rockers': [...]}"
             )
         kind, _, b1, b2, w1, w2 = min(choices, key=lambda c: c[:2])
@@ -182,7 +182,7 @@ class _Search:
         """0: two rockers; 1: two rockers in two arms each; 2: fixed to the body; None: no rockers. a1, a2: the wheels' arms."""
 
         def turns(group: str) -> bool:
-            return group in self.inbound and abs(self.inbound[group].axis @ lateral) > PARALLEL
+            return group in self.inbound and bool(abs(self.inbound[group].axis @ lateral) > PARALLEL)
 
         r1, r2 = b1.parent, b2.parent
         if r1 == r2:
@@ -198,14 +198,18 @@ class _Search:
         return 1 if split else None
 
     def _roles(
-        self, kind: int, bogies: list[Hinge], outer: list[Hinge], by_arm: dict[str, list[Hinge]], arms: dict[str, tuple[str, Hinge | None]],
-        lateral: Array, forward: str | None, up: str | None,
+        self, kind: int, bogies: list[Hinge], outer: list[Hinge], by_arm: dict[str, list[Hinge]],
+        arms: dict[str, tuple[str, Hinge | None]], lateral: Array, forward: str | None, up: str | None,
     ) -> Roles:  # fmt: skip
         rockers = [None if kind == 2 else self.inbound[b.parent] for b in bogies]
         wheels = [*outer, *by_arm[bogies[0].child], *by_arm[bogies[1].child]]
         pivots = [*bogies, *(r for r in rockers if r is not None)]
-        roles = Roles([], [], bogies, rockers, [None, None], np.eye(3), self.groups, {g: h.parent for g, h in self.inbound.items()})
-        roles.axes = self._frame(roles, lateral, np.array([w.point for w in wheels]), np.array([p.point for p in pivots]), wheels, forward, up)
+        roles = Roles(
+            [], [], bogies, rockers, [None, None], np.eye(3), self.groups, {g: h.parent for g, h in self.inbound.items()}
+        )
+        roles.axes = self._frame(
+            roles, lateral, np.array([w.point for w in wheels]), np.array([p.point for p in pivots]), wheels, forward, up
+        )
         f, left, _ = roles.axes.T
         side = 0 if (bogies[0].point - bogies[1].point) @ left > 0 else 1
         roles.bogies = [bogies[side], bogies[1 - side]]
@@ -219,7 +223,9 @@ class _Search:
         roles.steers = [arms[w.child][1] for w in roles.wheels]
         if kind == 1:
             roles.arms = [self.inbound[arms[w.child][0]] for w in ordered]
-        tilted = [h.joint.name for h in (*pivots, *wheels) if h.joint.name not in self.freed and abs(h.axis @ left) < np.cos(1e-6)]
+        tilted = [
+            h.joint.name for h in (*pivots, *wheels) if h.joint.name not in self.freed and abs(h.axis @ left) < np.cos(1e-6)
+        ]
         if tilted:
             worst = max(np.degrees(np.arccos(min(1.0, abs(h.axis @ left)))) for h in (*pivots, *wheels) if h.joint.name in tilted)
             roles.mended.append(f"{len(tilted)} hinges lie up to {worst:.2g} deg off the rover's left; taken as lying along it")
@@ -238,7 +244,9 @@ class _Search:
             lengthwise = np.linalg.svd(flat)[2][0]
             lengthwise = lengthwise * (np.sign(lengthwise[np.abs(lengthwise).argmax()]))
             upright = np.cross(lengthwise, lateral)
-            roles.guessed.append("its frame lies along none of the rover's directions; forward and up are taken from where the wheels stand")
+            roles.guessed.append(
+                "its frame lies along none of the rover's directions; forward and up are taken from where the wheels stand"
+            )
         if up is not None:
             upright = _axis("up", up)
         elif (pivots.mean(axis=0) - hubs.mean(axis=0)) @ upright < 0:
@@ -253,10 +261,15 @@ class _Search:
             else:
                 lengthwise = lengthwise * (-1 if vote < 0 else 1)
                 why = "from its names" if vote else "for want of better"
-                roles.guessed.append(f"forward is {_say(lengthwise)} of its frame, {why}; forward='{_say(-lengthwise)}' turns it round")
+                roles.guessed.append(
+                    f"forward is {_say(lengthwise)} of its frame, {why}; forward='{_say(-lengthwise)}' turns it round"
+                )
         left = np.cross(upright, lengthwise)
         if abs(left @ lateral) < PARALLEL:
-            raise RoverError(f"{self.what}: forward {_say(lengthwise)} and up {_say(upright)} must both lie across the axles, which lie along {_say(lateral)}")
+            raise RoverError(
+                f"{self.what}: forward {_say(lengthwise)} and up {_say(upright)} must both lie across the axles, "
+                f"which lie along {_say(lateral)}"
+            )
         left /= np.linalg.norm(left)
         if upright @ (0, 0, 1) < 0.5:
             roles.mended.append(f"up is {_say(upright)} of its frame: turned")
@@ -275,7 +288,7 @@ class _Search:
         left = roles.axes[:, 1]
 
         def marked(joint: Joint) -> int:
-            lies = joint.axis is not None and abs((self.T[joint.child][:3, :3] @ joint.axis) @ left) > PARALLEL
+            lies = joint.axis is not None and bool(abs((self.T[joint.child][:3, :3] @ joint.axis) @ left) > PARALLEL)
             return 2 * (lies and joint.limits is not None) + lies
 
         best = max(range(min(len(joints[0]), len(joints[1]))), key=lambda k: (marked(joints[0][k]) + marked(joints[1][k]), -k))

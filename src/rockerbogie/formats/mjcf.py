@@ -45,7 +45,11 @@ def _strip(root: Element) -> None:
     for parent in root.iter():
         for child in list(parent):
             tied = child.tag == "geom" and any(child.get(key) for key in ("mesh", "hfield"))
-            if tied or child.tag == "asset" or child.tag in ("sensor", "keyframe", "actuator", "tendon", "contact", "extension", "custom"):
+            if (
+                tied
+                or child.tag == "asset"
+                or child.tag in ("sensor", "keyframe", "actuator", "tendon", "contact", "extension", "custom")
+            ):
                 parent.remove(child)
             elif child.get("material"):
                 del child.attrib["material"]
@@ -73,7 +77,13 @@ def _tree(model: Any, mujoco: Any, name: str, what: str) -> Tree:
             last = k == len(joints) - 1
             link = body if last else f"{body}__{k}"
             point = model.jnt_pos[j]
-            joint = Joint(called(mujoco.mjtObj.mjOBJ_JOINT, j), "hinge" if model.jnt_type[j] == hinge else "other", above, link, T @ place(point - turn))
+            joint = Joint(
+                called(mujoco.mjtObj.mjOBJ_JOINT, j),
+                "hinge" if model.jnt_type[j] == hinge else "other",
+                above,
+                link,
+                T @ place(point - turn),
+            )
             if joint.kind == "hinge":
                 joint.axis = np.array(model.jnt_axis[j])
                 joint.limits = tuple(float(v) for v in model.jnt_range[j]) if model.jnt_limited[j] else None  # type: ignore[assignment]
@@ -85,16 +95,29 @@ def _tree(model: Any, mujoco: Any, name: str, what: str) -> Tree:
             tree.joints[f"{body}_fixed"] = Joint(f"{body}_fixed", "fixed", above, body, T)
         shift[b] = place(-turn)
         R = _rotation(mujoco, model.body_iquat[b])
-        part = tree.parts[body] = Part(body, float(model.body_mass[b]), model.body_ipos[b] - turn, (R * model.body_inertia[b]) @ R.T)
+        part = tree.parts[body] = Part(
+            body, float(model.body_mass[b]), model.body_ipos[b] - turn, (R * model.body_inertia[b]) @ R.T
+        )
         for g in range(model.body_geomadr[b], model.body_geomadr[b] + model.body_geomnum[b]):
             kind = kinds.get(mujoco.mjtGeom(model.geom_type[g]))
             if kind is None:
                 continue
             size = [float(v) for v in model.geom_size[g]]
-            sizes = {"cylinder": (size[0], 2 * size[1]), "sphere": (size[0],), "box": tuple(2 * v for v in size), "ellipsoid": tuple(size)}
+            sizes = {
+                "cylinder": (size[0], 2 * size[1]),
+                "sphere": (size[0],),
+                "box": tuple(2 * v for v in size),
+                "ellipsoid": tuple(size),
+            }
             collides = bool(model.geom_contype[g] or model.geom_conaffinity[g])
             part.shapes.append(
-                Shape(kind, sizes[kind], place(model.geom_pos[g] - turn, _rotation(mujoco, model.geom_quat[g])), f"geom {g}", collides)
+                Shape(
+                    kind,
+                    sizes[kind],
+                    place(model.geom_pos[g] - turn, _rotation(mujoco, model.geom_quat[g])),
+                    f"geom {g}",
+                    collides,
+                )
             )
     tree.joints = {n: j for n, j in tree.joints.items() if j.parent in tree.parts}  # what hangs on the world is a root
     for e in range(model.neq):

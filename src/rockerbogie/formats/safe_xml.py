@@ -27,7 +27,9 @@ def parse_xml(data: bytes | str, what: str) -> Element:
     """
     raw = data.encode() if isinstance(data, str) else data
     if len(raw) > MAX_BYTES:
-        raise RoverError(f"{what}: {len(raw) / 1e6:.0f} MB of XML; a rover takes well under one, the limit is {MAX_BYTES / 1e6:.0f} MB")
+        raise RoverError(
+            f"{what}: {len(raw) / 1e6:.0f} MB of XML; a rover takes well under one, the limit is {MAX_BYTES / 1e6:.0f} MB"
+        )
     builder = TreeBuilder()
     depth = count = 0
 
@@ -44,7 +46,9 @@ def parse_xml(data: bytes | str, what: str) -> Element:
         builder.end(tag)
 
     def refuse(*_: object) -> None:
-        raise RoverError(f"{what}: it declares a document type or entities, which a robot file has no use for: remove the <!DOCTYPE ...>")
+        raise RoverError(
+            f"{what}: it declares a document type or entities, which a robot file has no use for: remove the <!DOCTYPE ...>"
+        )
 
     parser = expat.ParserCreate("utf-8" if isinstance(data, str) else None)
     parser.StartElementHandler, parser.EndElementHandler, parser.CharacterDataHandler = start, end, builder.data
@@ -58,7 +62,9 @@ def parse_xml(data: bytes | str, what: str) -> Element:
     return builder.close()
 
 
-def numbers(text: str | None, count: int, where: str, default: tuple[float, ...] | None = None, *, finite: bool = True) -> tuple[float, ...]:
+def numbers(
+    text: str | None, count: int, where: str, default: tuple[float, ...] | None = None, *, finite: bool = True
+) -> tuple[float, ...]:
     """`count` numbers from an attribute or an element's text; `default` where there is none.
 
     Raises:

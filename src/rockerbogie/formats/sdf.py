@@ -148,7 +148,9 @@ class _Model:
         if name in ("", "__model__", "world"):
             return np.eye(4)
         if name in seen or name not in self.frames:
-            raise RoverError(f"{self.what}: frame {name!r} is {'placed relative to itself' if name in seen else 'not in the model'}")
+            raise RoverError(
+                f"{self.what}: frame {name!r} is {'placed relative to itself' if name in seen else 'not in the model'}"
+            )
         if name not in self.placed:
             element = self.frames[name]
             pose = element.find("pose")
@@ -179,7 +181,7 @@ class _Model:
             self.tree.notes.append(f"joint {name!r} ties it to the world; left out")
             return None
         kinds: dict[str, Literal["fixed", "hinge"]] = {"fixed": "fixed", "revolute": "hinge", "continuous": "hinge"}
-        joint = Joint(name, kinds.get(element.get("type") or "", "other"), parent, child, np.eye(4))  # type: ignore[arg-type]
+        joint = Joint(name, kinds.get(element.get("type") or "", "other"), parent, child, np.eye(4))
         T = self._place(name)
         axis = element.find("axis")
         if joint.kind == "hinge":
@@ -218,7 +220,9 @@ class _Model:
                 raise RoverError(f"{where} has a mass of {part.mass:g} kg; give 0 or more")
             given = inertial.find("inertia")
             six = [
-                numbers(None if given is None else given.findtext(tag), 1, f"{where} {tag}", (1.0 if tag[1] == tag[2] else 0.0,))[0]
+                numbers(None if given is None else given.findtext(tag), 1, f"{where} {tag}", (1.0 if tag[1] == tag[2] else 0.0,))[
+                    0
+                ]
                 for tag in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
             ]
             own = np.array([[six[0], six[3], six[4]], [six[3], six[1], six[5]], [six[4], six[5], six[2]]])
@@ -229,7 +233,12 @@ class _Model:
                 if geometry is None or not len(geometry):
                     continue
                 kind, S = geometry[0], T @ self._pose(shape, f"{name} {use}")
-                tags = {"box": (("size", 3),), "cylinder": (("radius", 1), ("length", 1)), "sphere": (("radius", 1),), "ellipsoid": (("radii", 3),)}
+                tags = {
+                    "box": (("size", 3),),
+                    "cylinder": (("radius", 1), ("length", 1)),
+                    "sphere": (("radius", 1),),
+                    "ellipsoid": (("radii", 3),),
+                }
                 size: tuple[float, ...] = ()
                 for tag, count in tags.get(kind.tag, ()):
                     size += numbers(kind.findtext(tag), count, f"{where} {kind.tag} {tag}")

@@ -85,7 +85,9 @@ class Tree:
                 if end not in self.parts:
                     raise RoverError(f"{what}: joint {joint.name!r} joins link {end!r}, which the file does not hold")
             if joint.child in self.inbound:
-                raise RoverError(f"{what}: link {joint.child!r} hangs on two joints, {self.inbound[joint.child].name!r} and {joint.name!r}")
+                raise RoverError(
+                    f"{what}: link {joint.child!r} hangs on two joints, {self.inbound[joint.child].name!r} and {joint.name!r}"
+                )
             self.inbound[joint.child] = joint
         roots = [name for name in self.parts if name not in self.inbound]
         if not roots:
@@ -101,7 +103,9 @@ class Tree:
         self.root = max(roots, key=lambda root: len(trees[root]))
         self.order = trees[self.root]
         if loose := [name for name in self.parts if name not in set(self.order)]:
-            self.notes.append(f"left out {len(loose)} links that hang on nothing ({', '.join(loose[:4])}{', ...' * (len(loose) > 4)})")
+            self.notes.append(
+                f"left out {len(loose)} links that hang on nothing ({', '.join(loose[:4])}{', ...' * (len(loose) > 4)})"
+            )
             for name in loose:
                 del self.parts[name]
             self.joints = {name: joint for name, joint in self.joints.items() if joint.child in self.parts}
@@ -149,9 +153,18 @@ def tree_of(rover: Rover) -> Tree:
         parts[name] = Part(name, link.mass * share, link.com - origin, link.inertia * share)
         return parts[name]
 
-    def join(parent: str, child: str, at: Array, axis: tuple[int, int, int], limits: Array, mimic: tuple[str, float, float] | None = None) -> None:
+    def join(
+        parent: str,
+        child: str,
+        at: Array,
+        axis: tuple[int, int, int],
+        limits: Array,
+        mimic: tuple[str, float, float] | None = None,
+    ) -> None:
         low, high = (float(v) for v in limits)
-        joints[f"{child}_joint"] = Joint(f"{child}_joint", "hinge", parent, child, place(at), np.array(axis, float), (low, high), mimic)
+        joints[f"{child}_joint"] = Joint(
+            f"{child}_joint", "hinge", parent, child, place(at), np.array(axis, float), (low, high), mimic
+        )
 
     free = np.array([-np.inf, np.inf])
     low, high = rover.body_box
@@ -167,7 +180,9 @@ def tree_of(rover: Rover) -> Tree:
         join(rocker, bogie, rover.bogie_pivot[s] - rover.rocker_pivot[s], (0, 1, 0), rover.bogie_limits)
     for i, name in enumerate(rover.wheel_names):
         s = WHEEL_SIDE[i]
-        parent, origin = (f"bogie_{SIDES[s]}", rover.bogie_pivot[s]) if ON_BOGIE[i] else (f"rocker_{SIDES[s]}", rover.rocker_pivot[s])
+        parent, origin = (
+            (f"bogie_{SIDES[s]}", rover.bogie_pivot[s]) if ON_BOGIE[i] else (f"rocker_{SIDES[s]}", rover.rocker_pivot[s])
+        )
         share = 1.0
         if rover.steers[i]:
             axis = rover.hubs[i] + (*rover.steering_offset[i], 0.0)

@@ -43,7 +43,12 @@ def to_urdf(rover: Rover, *, ros2_control: bool = False) -> str:
         for shape in part.shapes:
             for use in ("visual", "collision"):
                 element = SubElement(link, use, name=shape.name)
-                SubElement(element, "origin", xyz=_text(*shape.T[:3, 3]), rpy=_text(np.pi / 2 if shape.kind == "cylinder" else 0.0, 0.0, 0.0))
+                SubElement(
+                    element,
+                    "origin",
+                    xyz=_text(*shape.T[:3, 3]),
+                    rpy=_text(np.pi / 2 if shape.kind == "cylinder" else 0.0, 0.0, 0.0),
+                )
                 geometry = SubElement(element, "geometry")
                 if shape.kind == "box":
                     SubElement(geometry, "box", size=_text(*shape.size))
@@ -58,7 +63,7 @@ def to_urdf(rover: Rover, *, ros2_control: bool = False) -> str:
         SubElement(element, "child", link=joint.child)
         SubElement(element, "axis", xyz=_text(*(joint.axis if joint.axis is not None else (1.0, 0.0, 0.0))))
         ends = {"lower": _text(max(low, -FAR)), "upper": _text(min(high, FAR))} if bounded else {}
-        SubElement(element, "limit", **ends, effort=EFFORT, velocity=SPEED)
+        SubElement(element, "limit", ends, effort=EFFORT, velocity=SPEED)
         if joint.mimic is not None:
             SubElement(element, "mimic", joint=joint.mimic[0], multiplier=_text(joint.mimic[1]), offset=_text(joint.mimic[2]))
     if ros2_control:
@@ -117,7 +122,9 @@ def read_urdf(data: bytes | str, what: str = "robot.urdf") -> Tree:
         words = (extra.get("differential") or "").split()
         tree.differential = np.array(numbers(" ".join(words), len(words), f"{what}: <rockerbogie differential>"))
     if any(element.find("joint") is not None or element.find("link") is not None for element in robot.findall("gazebo")):
-        tree.notes.append("passed over links or joints inside <gazebo>: bars closed there are taken up by the rover's own differential")
+        tree.notes.append(
+            "passed over links or joints inside <gazebo>: bars closed there are taken up by the rover's own differential"
+        )
     if not tree.parts:
         raise RoverError(f"{what}: it holds no link")
     return tree.arrange(what)
@@ -128,7 +135,9 @@ def _origin(element: Element | None, where: str) -> Array:
     if origin is None:
         return np.eye(4)
     zero = (0.0, 0.0, 0.0)
-    return place(numbers(origin.get("xyz"), 3, f"{where} xyz", zero), from_rpy(*numbers(origin.get("rpy"), 3, f"{where} rpy", zero)))
+    return place(
+        numbers(origin.get("xyz"), 3, f"{where} xyz", zero), from_rpy(*numbers(origin.get("rpy"), 3, f"{where} rpy", zero))
+    )
 
 
 def _read_link(link: Element, what: str) -> Part:
@@ -143,7 +152,8 @@ def _read_link(link: Element, what: str) -> Part:
         mass, inertia = inertial.find("mass"), inertial.find("inertia")
         part.mass = numbers(None if mass is None else mass.get("value"), 1, f"{where} mass", (0.0,))[0]
         six = {
-            k: numbers(None if inertia is None else inertia.get(k), 1, f"{where} {k}", (0.0,))[0] for k in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+            k: numbers(None if inertia is None else inertia.get(k), 1, f"{where} {k}", (0.0,))[0]
+            for k in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
         }
         own = np.array(
             [[six["ixx"], six["ixy"], six["ixz"]], [six["ixy"], six["iyy"], six["iyz"]], [six["ixz"], six["iyz"], six["izz"]]]
@@ -168,7 +178,10 @@ def _read_shape(element: Element, where: str, collides: bool) -> Shape | None:
     if kind.tag == "box":
         size = numbers(kind.get("size"), 3, f"{where} box size")
     elif kind.tag == "cylinder":
-        size = (*numbers(kind.get("radius"), 1, f"{where} cylinder radius"), *numbers(kind.get("length"), 1, f"{where} cylinder length"))
+        size = (
+            *numbers(kind.get("radius"), 1, f"{where} cylinder radius"),
+            *numbers(kind.get("length"), 1, f"{where} cylinder length"),
+        )
     elif kind.tag == "sphere":
         size = numbers(kind.get("radius"), 1, f"{where} sphere radius")
     else:
@@ -190,7 +203,14 @@ def _read_joint(element: Element, what: str) -> Joint:
         if not ends[end]:
             raise RoverError(f"{where} names no {end} link")
     kinds: dict[str | None, Literal["fixed", "hinge", "other"]]
-    kinds = {"fixed": "fixed", "revolute": "hinge", "continuous": "hinge", "prismatic": "other", "floating": "other", "planar": "other"}
+    kinds = {
+        "fixed": "fixed",
+        "revolute": "hinge",
+        "continuous": "hinge",
+        "prismatic": "other",
+        "floating": "other",
+        "planar": "other",
+    }
     if element.get("type") not in kinds:
         raise RoverError(f"{where} is of type {element.get('type')!r}; URDF knows {', '.join(k for k in kinds if k)}")
     limit, mimic, axis = element.find("limit"), element.find("mimic"), element.find("axis")
@@ -201,7 +221,12 @@ def _read_joint(element: Element, what: str) -> Joint:
         if length < 1e-9 and joint.kind == "hinge":
             raise RoverError(f"{where} has an axis of no length")
         joint.axis = vector / length if length >= 1e-9 else None
-    if limit is not None and limit.get("lower") is not None and limit.get("upper") is not None and element.get("type") != "continuous":
+    if (
+        limit is not None
+        and limit.get("lower") is not None
+        and limit.get("upper") is not None
+        and element.get("type") != "continuous"
+    ):
         low, high = (numbers(limit.get(k), 1, f"{where} limit {k}", finite=False)[0] for k in ("lower", "upper"))
         joint.limits = (low, high)
     if mimic is not None:

@@ -1,0 +1,88 @@
+"""`rockerbogie export`: a rover as URDF, SDF, MJCF or TOML; or a Gazebo world with a terrain and the rover on it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from cyclopts import Parameter
+
+from ..errors import RockerbogieError
+from ..formats import load_rover, to_sdf, to_toml, to_urdf
+from ..formats.gazebo import write_world
+from .common import load_terrain, make_folder, middle, parse_point
+
+Format = Literal["urdf", "sdf", "mjcf", "toml", "world"]
+ENDINGS: dict[Format, str] = {"urdf": ".urdf", "sdf": ".sdf", "mjcf": ".xml", "toml": ".toml"}
+#: The rover is let go this far above where it settles, m.
+DROP = 0.02
+
+
+def export(
+    rover: str,
+    /,
+    *,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    to: Format | None = None,
+    ros2_control: Annotated[bool, Parameter(negative="")] = False,
+    terrain: Annotated[str | None, Parameter(name=["--terrain", "-t"])] = None,
+    at: str | None = None,
+    yaw: float = 0.0,
+) -> None:
+    """Write a rover for another program, its differential tied in that format's own way.
+
+    Parameters
+    ----------
+    rover
+        A preset's name, or a rover file.
+    output
+        The file to write (.urdf, .sdf, .xml for MJCF, .toml); for a world, the folder.
+    to
+        The format, where the file's ending does not say it.
+    ros2_control
+        Add a ros2_control block to a URDF.
+    terrain
+        Ground for a world or an MJCF: a raster file, or surface:NAME.
+    at
+        Where the rover stands in the world, x,y in metres. Default: the middle of the map.
+    yaw
+        Its heading there, degrees.
+    """
+    machine = load_rover(rover)
+    chosen = to or next((name for name, ending in ENDINGS.items() if output.suffix.lower() == ending), None)
+    if chosen is None:
+        raise RockerbogieError(
+            f"{str(output)!r} does not say which format: end it in {', '.join(ENDINGS.values())}, or give --to"
+        )
+    if ros2_control and chosen != "urdf":
+        raise RockerbogieError(f"--ros2-control belongs to a URDF, not to {chosen}")
+    if terrain is None and chosen == "world":
+        raise RockerbogieError("a world needs ground: give --terrain a raster file or surface:NAME")
+    if terrain is not None and chosen not in ("world", "mjcf"):
+        raise RockerbogieError(f"--terrain belongs to a world or an MJCF, not to {chosen}")
+    ground = None if terrain is None else load_terrain(terrain, None)
+    if chosen == "world" and ground is not None:
+        from ..settle import settle
+
+        x, y = middle(ground) if at is None else parse_point(at, "--at")
+        pose = settle(machine, ground, x, y, np.radians(yaw))
+        if not np.isfinite(pose.z):
+            raise RockerbogieError(f"the rover finds no rest at ({x:g}, {y:g}) m: give another place with --at")
+        stance = (x, y, float(pose.z) + DROP, float(pose.roll), float(pose.pitch), float(pose.yaw))
+        for file in write_world(make_folder(output), machine, ground.origin, ground.spacing, ground.z, stance):
+            print(file)
+        return
+    if chosen == "mjcf":
+        from ..mjcf import to_mjcf
+
+        text = to_mjcf(machine, ground)
+    else:
+        text = (
+            to_urdf(machine, ros2_control=ros2_control) if chosen == "urdf" else {"sdf": to_sdf, "toml": to_toml}[chosen](machine)
+        )
+    try:
+        output.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise RockerbogieError(f"cannot write {str(output)!r}: {error.strerror}") from None
+    print(output)

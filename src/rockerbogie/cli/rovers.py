@@ -1,0 +1,249 @@
+"""`rockerbogie rovers`: the rovers there are, one with its dimensions, a new one, one read from a robot file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import cyclopts
+import numpy as np
+from cyclopts import Parameter
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from ..errors import RockerbogieError
+from ..formats import import_rover, load_rover, presets, read_details, schema, to_toml
+from ..frames import DHRow, dh_table
+from ..rover import IDEAL_DIFFERENTIAL, Rover
+from .common import Json, print_json
+
+app = cyclopts.App(name="rovers", help="The rovers there are; one with its dimensions; a new one; one from a robot file.")
+
+Picture = Annotated[Path | None, Parameter(name=["--output", "-o"])]
+
+
+@app.default
+def show(name: str | None = None, /, *, output: Picture = None, json: Json = False) -> None:
+    """List the rovers, or show one: its dimensions, its Denavit-Hartenberg table, and with -o its drawing.
+
+    Parameters
+    ----------
+    name
+        A preset's name, or a rover file. None: list the presets.
+    output
+        Draw it, with its dimensions, into this picture (.png, .svg or .pdf).
+    json
+        Print JSON (SI units, radians) in place of tables.
+    """
+    if name is None:
+        if output is not None:
+            raise RockerbogieError(
+                "which rover is to be drawn? Give its name, as in: rockerbogie rovers curiosity -o curiosity.png"
+            )
+        _list(json)
+        return
+    rover = load_rover(name)
+    details = read_details(name)
+    if json:
+        print_json(_record(rover) | details)
+    else:
+        _print_rover(rover, details)
+    if output is not None:
+        from ..figures.blueprint import blueprint
+
+        _check_ending(output, (".png", ".svg", ".pdf"))
+        _write(output, lambda: blueprint(rover, details.get("title", "")).savefig(output))
+        if not json:
+            print(output)
+
+
+@app.command
+def new(file: Path, /, *, like: str = "curiosity") -> None:
+    """Start a rover file, with a comment to every key.
+
+    Parameters
+    ----------
+    file
+        The file to write, ending in .toml.
+    like
+        The rover whose numbers to start from.
+    """
+    _check_ending(file, (".toml",))
+    rover = load_rover(like)
+    if like in presets():
+        rover = rover.replace(name=file.stem, source=f"started from the preset {like}: put your own source here")
+    if file.exists():
+        raise RockerbogieError(f"{str(file)!r} is there already: give another name, or remove it first")
+    _write(file, lambda: file.write_text(to_toml(rover, options=True), encoding="utf-8"))
+    print(f"{file}: change the numbers, then `rockerbogie rovers {file}`")
+
+
+@app.command(name="import")
+def import_(
+    file: Path,
+    /,
+    *,
+    output: Picture = None,
+    scale: float = 1.0,
+    forward: str | None = None,
+    up: str | None = None,
+    joint: Annotated[list[str] | None, Parameter(name="--joint", negative="")] = None,
+    set_: Annotated[list[str] | None, Parameter(name="--set", negative="")] = None,
+    json: Json = False,
+) -> None:
+    """Read a rover from a URDF, SDF or MJCF file: say what was found, guessed and mended, and write it as TOML.
+
+    Parameters
+    ----------
+    file
+        The robot description; expand it first if it is xacro.
+    output
+        The .toml file to write.
+    scale
+        Metres in the file's unit of length: 0.001 for millimetres.
+    forward
+        The rover's forward direction as an axis of the file's root frame, where it is taken wrong: x, -x, y, -y, z or -z.
+    up
+        Its upward direction, likewise.
+    joint
+        Overrule who is who: wheels=A,B,C,D,E,F or bogies=A,B or rockers=A,B or steering=A,B,... by the joints' names.
+    set_
+        Overrule a number, by its key in a rover file: wheels.radius_m=0.075, stops.bogie_deg=[-30,30], mass.total_kg=12, ...
+    json
+        Print JSON in place of text.
+    """
+    from ..formats.overrule import parse_joints, parse_numbers
+
+    result = import_rover(
+        file, scale=scale, forward=forward, up=up, joints=parse_joints(joint or []), **parse_numbers(set_ or [])
+    )
+    if output is not None:
+        _check_ending(output, (".toml",))
+        _write(output, lambda: output.write_text(to_toml(result.rover), encoding="utf-8"))
+    if json:
+        print_json(_record(result.rover) | {key: getattr(result, key) for key in ("found", "guessed", "mended")})
+    else:
+        print(result)
+        if output is not None:
+            print(output)
+
+
+@app.command(name="schema")
+def schema_(file: Path | None = None, /) -> None:
+    """The JSON schema of rover files, for editors that check while one writes.
+
+    Parameters
+    ----------
+    file
+        Where to write it. None: print it.
+    """
+    import json
+
+    text = json.dumps(schema(), indent=2) + "\n"
+    if file is None:
+        print(text, end="")
+    else:
+        _write(file, lambda: file.write_text(text, encoding="utf-8"))
+
+
+def _check_ending(file: Path, endings: tuple[str, ...]) -> None:
+    if file.suffix.lower() not in endings:
+        raise RockerbogieError(f"{str(file)!r} should end in {' or '.join(endings)}")
+
+
+def _write(file: Path, write: Any) -> None:
+    try:
+        write()
+    except OSError as error:
+        raise RockerbogieError(f"cannot write {str(file)!r}: {error.strerror}") from None
+
+
+def _list(as_json: bool) -> None:
+    rows = {name: (load_rover(name), read_details(name)) for name in presets()}
+    if as_json:
+        print_json({name: _record(rover) | details for name, (rover, details) in rows.items()})
+        return
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for head in ("rover", "what it is", "wheelbase", "wheels", "mass", "grade"):
+        table.add_column(head, justify="right" if head in ("wheelbase", "wheels", "mass") else "left", no_wrap=True)
+    for name, (rover, details) in rows.items():
+        size, mass = f"{rover.wheelbase:.3f} m", f"{rover.mass:.4g} kg"
+        table.add_row(name, details["title"], size, f"{2e3 * rover.wheel_radius.max():.0f} mm", mass, details["grade"])
+    Console().print(table)
+    print(
+        "\n`rockerbogie rovers NAME` shows one. Grade A: the maker's own numbers; B: an independent model's; C: partly estimated."
+    )
+
+
+def _record(rover: Rover) -> dict[str, Any]:
+    names = (
+        "name", "rocker_pivot", "bogie_pivot", "hubs", "wheel_radius", "wheel_width", "wheel_names", "steers", "steering_offset",
+        "rocker_limits", "bogie_limits", "differential", "body_box", "mass", "source",
+    )  # fmt: skip
+    return {name: getattr(rover, name) for name in names}
+
+
+def _print_rover(rover: Rover, details: dict[str, str]) -> None:
+    console = Console()
+    console.print(f"[bold]{rover.name}[/]  {details.get('title', '')}", highlight=False)
+    for label, text in (("source", rover.source), ("grade", details.get("grade", ""))):
+        if text:
+            console.print(f"{label}: {text}", highlight=False)
+    table = Table(box=box.SIMPLE, padding=(0, 1))
+    for head in ("", "x m", "y m", "z m", "radius m", "width m", "steers"):
+        table.add_column(head, justify="right" if head not in ("", "steers") else "left")
+    for label, points in (("rocker pivot", rover.rocker_pivot), ("bogie pivot", rover.bogie_pivot)):
+        for side, point in zip(("left", "right"), points, strict=True):
+            table.add_row(f"{label} {side}", *(f"{v:.5g}" for v in point))
+    for i, name in enumerate(rover.wheel_names):
+        size = (rover.wheel_radius[i], rover.wheel_width[i])
+        table.add_row(f"hub {name}", *(f"{v:.5g}" for v in (*rover.hubs[i], *size)), "yes" if rover.steers[i] else "")
+    console.print(table)
+    stops = " · ".join(
+        f"{joint} {_stops(limits)}" for joint, limits in (("rocker", rover.rocker_limits), ("bogie", rover.bogie_limits))
+    )
+    print(f"mass {rover.mass:.4g} kg · stops: {stops} · differential: {_differential(rover)}\n")
+    print("Denavit-Hartenberg table (Elhami & Dashti, Table I; ρ, β, ψ are the joints' angles)")
+    table = Table(box=box.SIMPLE, padding=(0, 1))
+    for head in ("frame", "on", "θ °", "d m", "a m", "α °"):
+        table.add_column(head, justify="left" if head in ("frame", "on") else "right")
+    for row in dh_table(rover):
+        table.add_row(row.frame, row.parent, _theta(rover, row), f"{row.d:.5g}", f"{row.a:.5g}", f"{np.degrees(row.alpha):.5g}")
+    console.print(table)
+
+
+def _theta(rover: Rover, row: DHRow) -> str:
+    """θ as the paper writes it: the joint's own angle and a constant; the right rocker as minus the left where it is."""
+    joint, _, which = row.joint.partition("_")
+    sign, angle = "", ""
+    if joint == "rocker":
+        mirrored = which == "right" and np.array_equal(rover.differential, IDEAL_DIFFERENTIAL)
+        sign, angle = ("-", "ρ") if mirrored else ("", "ρ" if which == "left" else "ρ right")
+    elif joint == "bogie":
+        angle = "β1" if which == "left" else "β2"
+    elif joint == "steering" and rover.steers[int(which)]:
+        angle = f"ψ{int(which) + 1}"
+    constant = float(np.degrees(row.theta))
+    if not angle:
+        return f"{constant + 0.0:.5g}"
+    if abs(constant) < 1e-9:
+        return sign + angle
+    return f"{constant:.5g} {sign or '+'} {angle}"
+
+
+def _stops(limits: Any) -> str:
+    low, high = np.degrees(limits)
+    if np.isinf(low) and np.isinf(high):
+        return "none"
+    return " to ".join("none" if np.isinf(v) else f"{v:.4g}°" for v in (low, high))
+
+
+def _differential(rover: Rover) -> str:
+    slope = rover.differential[1]
+    if rover.differential[2:].any():
+        low, high = (float(v) for v in np.clip(rover.rocker_limits, -0.5, 0.5))
+        reach = np.linspace(low, high, 101)
+        off = np.degrees(np.abs(rover.right_rocker(reach) - slope * reach).max())
+        return f"a bar, right ≈ {slope:.4g} left, up to {off:.2g}° off that within {np.degrees(reach[-1]):.0f}°"
+    return "ideal, right = -left" if slope == -1 else f"right = {slope:.6g} left"
