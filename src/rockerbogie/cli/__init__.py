@@ -81,7 +81,7 @@ def _complain(sentence: str) -> int:
     return EXIT_BAD_INPUT
 
 
-def _note(message: Warning | str, *_: Any) -> None:
+def _note(message: Warning | str, *_: Any, **__: Any) -> None:
     print(f"rockerbogie: note: {message}", file=sys.stderr)
 
 
