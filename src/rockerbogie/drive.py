@@ -48,7 +48,7 @@ def drive(
 
     Args:
         path: within the terrain's map; stations off it are nan and their `status` says so.
-        speed: along the path, m/s, above 0.
+        speed: along the path as the map shows it, without its ups and downs, m/s, above 0.
         step: between stations, m; made a little less where the path's length is not a whole number of them.
         steering: (6,) or (n, 6) for the n stations, rad; default `ackermann` for the path's curvature.
 
@@ -56,7 +56,7 @@ def drive(
         Dataset over `time` (docs/design.md); `attrs["status_summary"]` says in words how many stations settled.
 
     Raises:
-        PathError: the whole path lies off the map; a step or speed that is not above 0; too many stations.
+        PathError: at no station all wheels stand on the map; a step or speed that is not above 0; too many stations.
         RockerbogieError: steering that does not fit.
     """
     if not (np.isfinite(speed) and speed > 0):
@@ -68,16 +68,16 @@ def drive(
         raise PathError(f"{path.length:g} m in steps of {step:g} m is more than {MOST_STATIONS:,} stations: give a longer step")
     distance = np.linspace(0.0, path.length, count + 1)
     at = path.sample(distance)
-    xmin, ymin, xmax, ymax = terrain.bounds
-    if not ((at.x >= xmin) & (at.x <= xmax) & (at.y >= ymin) & (at.y <= ymax)).any():
-        raise PathError(
-            f"the path ({path.description}) lies wholly off the map, which spans "
-            f"({xmin:.10g}, {ymin:.10g}) to ({xmax:.10g}, {ymax:.10g}) m: move the path or load that ground"
-        )
     turn = ackermann(rover, at.curvature, at.course - at.yaw) if steering is None else np.asarray(steering, dtype=float)
     if turn.shape not in ((6,), (len(distance), 6)):
         raise RockerbogieError(f"steering has shape {turn.shape}; give (6,) or ({len(distance)}, 6), one row a station")
     pose = settle(rover, terrain, at.x, at.y, at.yaw, steering=turn)
+    if (pose.status == Status.OFF_MAP).all():
+        xmin, ymin, xmax, ymax = terrain.bounds
+        raise PathError(
+            f"the path ({path.description}) lies wholly off the map, which spans "
+            f"({xmin:.10g}, {ymin:.10g}) to ({xmax:.10g}, {ymax:.10g}) m: move the path or load that ground"
+        )
     time = distance / speed
     values = {name: getattr(pose, name) for name in POSE_VARIABLES} | drive_rates(pose, at, speed)
     values["contact_angle_rate"] = np.gradient(pose.contact_angle, time, axis=0)
