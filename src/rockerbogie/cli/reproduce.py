@@ -1,3 +1,69 @@
-def reproduce() -> int:
-    """TODO"""
-    return 0
+"""`rockerbogie reproduce`: section III of the paper."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from ..report import ErrorRow
+from ..reproduce import reproduce as reproduce_paper
+from .common import Json, make_folder, print_json, progress
+
+#: Exit code where the model is further from the simulation than it may be.
+EXIT_NOT_CLOSE = 1
+
+
+def reproduce(*, output: Annotated[Path, Parameter(name=["--output", "-o"])], json: Json = False) -> int:
+    """Reproduce section III of the paper: figures, data, animation, report.
+
+    The rover crosses the paper's two hills by the kinematic model and in a MuJoCo simulation. Written are figures 6 to 9
+    (PNG), crossing.gif, both runs (NetCDF and CSV) and report.html, which holds all of it with the errors and each of the
+    paper's statements checked. Exits 1 where an error is beyond its limit.
+
+    Parameters
+    ----------
+    output
+        Folder to write to.
+    json
+        Print errors and statements as JSON in place of tables.
+    """
+    folder = make_folder(output)
+    began = time.perf_counter()
+    with progress() as bar:
+        task = bar.add_task("starting", total=1.0)
+        made = reproduce_paper(folder, lambda what, share: bar.update(task, description=what, completed=share))
+    if json:
+        print_json(
+            {
+                "report": made.report,
+                "errors": [vars(row) | {"within": row.within} for row in made.errors],
+                "claims": [{"model": vars(model), "simulation": vars(simulated)} for model, simulated in made.claims],
+            }
+        )
+    else:
+        console = Console(highlight=False)
+        print_errors(console, made.errors)
+        for model, simulated in made.claims:
+            verdict = ["true" if claim.holds else "not true" for claim in (model, simulated)]
+            console.print(f"figure {model.figure}: {model.says} [bold]{verdict[0]}[/] (simulation: {verdict[1]})")
+        print(f"{made.report} after {time.perf_counter() - began:.0f} s")
+    return 0 if made.close else EXIT_NOT_CLOSE
+
+
+def print_errors(console: Console, errors: list[ErrorRow]) -> None:
+    """Model against simulation, a row a channel."""
+    table = Table(box=box.SIMPLE, padding=(0, 1), title="model against simulation, at equal x, y, yaw", title_justify="left")
+    for head in ("", "RMS", "limit", "worst", "limit", "", ""):
+        table.add_column(head, justify="right" if head else "left")
+    for row in errors:
+        limits = ["" if limit is None else f"{limit:g}" for limit in (row.rms_limit, row.worst_limit)]
+        known = row.rms_limit is not None
+        verdict = ("within" if row.within else "[bold]beyond[/]") if known else ""
+        table.add_row(row.channel, f"{row.rms:.4f}", limits[0], f"{row.worst:.4f}", limits[1], row.unit, verdict)
+    console.print(table)
