@@ -29,11 +29,18 @@ if TYPE_CHECKING:
     from .frames import dh_table as dh_table
     from .frames import wheel_frames as wheel_frames
     from .jacobian import JACOBIAN_COLUMNS as JACOBIAN_COLUMNS
+    from .jacobian import system_jacobian as system_jacobian
     from .jacobian import wheel_jacobians as wheel_jacobians
+    from .logs import read_log as read_log
     from .mjcf import to_mjcf as to_mjcf
+    from .navigation import Noise as Noise
     from .navigation import body_twist as body_twist
+    from .odometry import SlopeSlip as SlopeSlip
+    from .odometry import flat_odometry as flat_odometry
+    from .odometry import odometry as odometry
     from .path import Path as Path
     from .pose import Pose as Pose
+    from .rosbag import write_mcap as write_mcap
     from .rover import Link as Link
     from .rover import Rover as Rover
     from .settle import settle as settle
@@ -66,10 +73,17 @@ _EXPORTS = {
     "Pose": "pose",
     "wheel_jacobians": "jacobian",
     "JACOBIAN_COLUMNS": "jacobian",
+    "system_jacobian": "jacobian",
     "body_twist": "navigation",
+    "Noise": "navigation",
     "wheel_commands": "actuation",
     "wheel_slip": "slip",
     "drive": "drive",
+    "odometry": "odometry",
+    "flat_odometry": "odometry",
+    "SlopeSlip": "odometry",
+    "read_log": "logs",
+    "write_mcap": "rosbag",
     "to_mjcf": "mjcf",
     "simulate": "simulate",
     "compare": "simulate",

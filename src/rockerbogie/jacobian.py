@@ -61,6 +61,8 @@ class SimpleStance:
     bogie: Array
     contact_angle: Array
     steering: Array
+    roll: Array | float = 0.0
+    pitch: Array | float = 0.0
 
 
 def stance_angles(rover: Rover, pose: Stance, steering: ArrayLike | None) -> tuple[Array, Array, Array, Array]:
@@ -123,8 +125,9 @@ def contact_rows(rover: Rover, pose: Stance, steering: ArrayLike | None = None) 
     eq. 9 to the letter, these hold on curved ground and while wheels lean (docs/jacobians.md).
 
     Args:
-        pose: as for `wheel_jacobians`. If it knows the ground (a settled `Pose`), its contact points and normals are
-            used; else the contact is the middle of the rim at δ, and the normal lies in the wheel's plane.
+        pose: as for `wheel_jacobians`. If it knows the ground (a settled `Pose`), lift is off its contact points along
+            their normals; else off the rim's middle, along the wheel's plane. Slip is that of the rim's middle always: a
+            broad tread that lies flush touches everywhere, and slips on the whole as its middle does.
         steering: (..., 6) rad. Where it is not the pose's own, the wheel is turned on the plane it stands on.
     """
     q, b, turn, delta = stance_angles(rover, pose, None)
@@ -142,11 +145,11 @@ def contact_rows(rover: Rover, pose: Stance, steering: ArrayLike | None = None) 
         delta = np.arctan2((normal * axle[..., :3, 0]).sum(axis=-1), (normal * axle[..., :3, 2]).sum(axis=-1))
         contact = contact_frames(rover, axle, delta)
     x, y = contact[..., :3, 0], axle[..., :3, 1]
-    point = contact[..., :3, 3] + aside * y
+    middle = contact[..., :3, 3]
     z = normal - (normal * x).sum(axis=-1, keepdims=True) * x
     z = z / np.linalg.norm(z, axis=-1, keepdims=True)
     rows = np.zeros((*delta.shape, 5, 10))
-    for row, along in enumerate((x, np.cross(z, x), z)):
+    for row, (point, along) in enumerate(((middle, x), (middle, np.cross(z, x)), (middle + aside * y, z))):
         rows[..., row, :3] = along
         rows[..., row, 3:6] = np.cross(point, along)
     rows[..., 3, 3:6] = contact[..., :3, 2]

@@ -24,7 +24,7 @@ class Noise:
     side_slip: ArrayLike = 5e-3  # m/s
     lift: ArrayLike = 1e-3  # m/s: how well the contact angle is known, times the speed
     joint_rate: ArrayLike = 1e-3  # rad/s, rocker and bogies
-    gyro: ArrayLike = 1e-3  # rad/s
+    gyro: ArrayLike = 1e-4  # rad/s
     inclinometer: ArrayLike = 1e-2  # rad/s
 
 
@@ -36,7 +36,7 @@ class Motion:
     covariance: Array  # (..., 6, 6) of the twist
     rocker_rate: Array  # (...) rad/s
     bogie_rates: Array  # (..., 2) rad/s
-    residual: Array  # (..., 6, 3) roll slip, side slip and lift left over at each contact, m/s
+    residual: Array  # (..., 6, 3) roll slip, side slip and lift of each contact, m/s; expected ones included
 
 
 def body_twist(
@@ -50,6 +50,7 @@ def body_twist(
     gyro: ArrayLike | None = None,
     inclinometer_rates: ArrayLike | None = None,
     steering: ArrayLike | None = None,
+    expected_slip: ArrayLike | None = None,
     noise: Noise | None = None,
 ) -> Motion:
     """The body's twist from any of its sensors, by weighted least squares over the contacts of six wheels.
@@ -65,43 +66,42 @@ def body_twist(
         gyro: (..., 3) angular velocity in the body frame, rad/s.
         inclinometer_rates: (..., 2) rates of roll and pitch, rad/s; needs a pose that has `roll` and `pitch`.
         steering: (..., 6) rad; default the pose's own.
+        expected_slip: (..., 6, 3) roll slip, side slip and lift of each wheel where something tells them (a model of
+            the soil, a guess of the ground's slope), m/s; default 0.
         noise: how far each is trusted.
 
     Raises:
         RockerbogieError: a reading whose shape does not fit.
     """
+    readings = []
     noise = noise or Noise()
-    rows = contact_rows(rover, pose, steering)
-    shape = rows.shape[:-3]
-    turned = np.zeros(6) if steering_rates is None else _reading("steering_rates", steering_rates, 6)
-    spin = None if wheel_rates is None else _reading("wheel_rates", wheel_rates, 6)
-    rolled = np.full(6, np.nan) if spin is None else rover.wheel_radius * spin
-    shape = np.broadcast_shapes(shape, turned.shape[:-1], rolled.shape[:-1])
-    equations = [
-        _equations(rows[..., 0, :], rolled, turned, noise.roll_slip),
-        _equations(rows[..., 1, :], np.zeros(6), turned, noise.side_slip),
-        _equations(rows[..., 2, :], np.zeros(6), turned, noise.lift),
-    ]
     if rocker_rate is not None:
-        equations.append(
-            _direct(_reading("rocker_rate", np.asarray(rocker_rate, dtype=float)[..., None], 1), [6], noise.joint_rate)
-        )
+        readings.append(_direct(np.asarray(rocker_rate, dtype=float)[..., None], [6], noise.joint_rate))
     if bogie_rates is not None:
-        equations.append(_direct(_reading("bogie_rates", bogie_rates, 2), [7, 8], noise.joint_rate))
+        readings.append(_direct(_reading("bogie_rates", bogie_rates, 2), [7, 8], noise.joint_rate))
     if gyro is not None:
-        equations.append(_direct(_reading("gyro", gyro, 3), [3, 4, 5], noise.gyro))
+        readings.append(_direct(_reading("gyro", gyro, 3), [3, 4, 5], noise.gyro))
     if inclinometer_rates is not None:
-        equations.append(_leaning(pose, _reading("inclinometer_rates", inclinometer_rates, 2), noise.inclinometer))
-    shape = np.broadcast_shapes(shape, *(value.shape[:-1] for _, value in equations))
+        readings.append(_leaning(pose, _reading("inclinometer_rates", inclinometer_rates, 2), noise.inclinometer))
+    turned = np.zeros(6) if steering_rates is None else _reading("steering_rates", steering_rates, 6)
+    rolled = np.full(6, np.nan)
+    if wheel_rates is not None:
+        rolled = rover.wheel_radius * _reading("wheel_rates", wheel_rates, 6)
+    slip = np.zeros((6, 3)) if expected_slip is None else _reading("expected_slip", expected_slip, 3)
+    rows = contact_rows(rover, pose, steering)
+    equations = [
+        _equations(rows[..., 0, :], rolled + slip[..., 0], turned, noise.roll_slip),
+        _equations(rows[..., 1, :], slip[..., 1], turned, noise.side_slip),
+        _equations(rows[..., 2, :], slip[..., 2], turned, noise.lift),
+        *readings,
+    ]
+    shape = np.broadcast_shapes(rows.shape[:-3], turned.shape[:-1], *(value.shape[:-1] for _, value in equations))
     A = np.concatenate([np.broadcast_to(a, (*shape, *a.shape[-2:])) for a, _ in equations], axis=-2)
     b = np.concatenate([np.broadcast_to(v, (*shape, v.shape[-1])) for _, v in equations], axis=-1)
     x, covariance = _least_squares(A, b)
-    contact = np.einsum("...ijk,...k->...ij", rows[..., :3, :9], np.nan_to_num(x))
-    contact += rows[..., :3, 9] * turned[..., None]
-    contact[..., 0] -= np.nan_to_num(rolled)
-    unknown = np.isnan(x).any(axis=-1)
-    contact[unknown] = np.nan
-    contact[..., 0] = np.where(np.isnan(rolled), np.nan, contact[..., 0])
+    # the unknowns left open are nan, and so is every contact they move
+    contact = np.einsum("...ijk,...k->...ij", rows[..., :3, :9], x) + rows[..., :3, 9] * turned[..., None]
+    contact[..., 0] -= rolled
     return Motion(x[..., :6], covariance[..., :6, :6], x[..., 6], x[..., 7:], contact)
 
 
