@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
 _WIDTH = 760
 _CHART = 190  # px
-_FRAME = 70  # ms
+_FRAME = 80  # ms
+_CELLS = 130
 
 
 def crossing_gif(
@@ -32,12 +33,12 @@ def crossing_gif(
     terrain: Terrain,
     run: xr.Dataset,
     *,
-    frames: int = 72,
+    frames: int = 64,
     progress: Callable[[float], None] = lambda share: None,
 ) -> None:
     """Write the rover's way over the ground as a GIF, its angles running along below."""
     bounds = crossing_bounds(run, rover, terrain)
-    ground = Mesh.join([ground_mesh(terrain, bounds), *tracks(terrain, run)])
+    ground = Mesh.join([ground_mesh(terrain, bounds, cells=_CELLS), *tracks(terrain, run)])
     height = picture_height(*VIEW, ground, _WIDTH, 0.06)
     camera = Camera.framing(ground.corners, *VIEW, (_WIDTH, height), margin=(0.01, 0.01, 0.08, 0.02))
     stops = np.linspace(0, run.sizes["time"] - 1, frames).round().astype(int)

@@ -13,15 +13,17 @@ Array = NDArray[np.float64]
 
 SOIL = np.array(to_rgb("#d9b48f"))
 _CUT = np.array(to_rgb("#b9a58e"))
-_CELLS = 260  # along the longer side
+CELLS = 260  # along the longer side
 
 
-def ground_mesh(terrain: Terrain, bounds: tuple[float, float, float, float], base: float | None = None) -> Mesh:
+def ground_mesh(
+    terrain: Terrain, bounds: tuple[float, float, float, float], base: float | None = None, cells: int = CELLS
+) -> Mesh:
     """The ground within bounds (xmin, ymin, xmax, ymax), m, on a block that reaches down to `base`.
 
     Unknown ground is left out. `base` defaults to a little below the lowest point.
     """
-    x, y, z = sample_ground(terrain, bounds)
+    x, y, z = sample_ground(terrain, bounds, cells)
     px, py = np.meshgrid(x, y)
     points = np.stack([px, py, z], axis=-1)
     normal = _normals(points)
@@ -34,10 +36,12 @@ def ground_mesh(terrain: Terrain, bounds: tuple[float, float, float, float], bas
     return Mesh.join([top, *walls])
 
 
-def sample_ground(terrain: Terrain, bounds: tuple[float, float, float, float]) -> tuple[Array, Array, Array]:
+def sample_ground(
+    terrain: Terrain, bounds: tuple[float, float, float, float], cells: int = CELLS
+) -> tuple[Array, Array, Array]:
     """Columns x, rows y and heights (rows, cols) that show the ground within bounds, m; nan where it is not known."""
     xmin, ymin, xmax, ymax = bounds
-    step = max(xmax - xmin, ymax - ymin) / _CELLS
+    step = max(xmax - xmin, ymax - ymin) / cells
     x = np.linspace(xmin, xmax, max(2, round((xmax - xmin) / step) + 1))
     y = np.linspace(ymin, ymax, max(2, round((ymax - ymin) / step) + 1))
     return x, y, terrain.height(*np.meshgrid(x, y))

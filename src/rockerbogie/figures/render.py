@@ -16,7 +16,6 @@ from .._kernels import picture
 
 Array = NDArray[np.float64]
 
-SUN_PIXELS = 1500
 SHADOW_BIAS = 0.004  # of the scene's size: less makes surfaces shade themselves, more lets shadows float
 
 
@@ -121,7 +120,7 @@ def render(mesh: Mesh, camera: Camera, *, sun: tuple[float, float], grid: float 
     """
     fine = camera.enlarged(finer)
     index, _ = _visible(mesh, fine)
-    light = Camera.framing(mesh.corners, *sun, (SUN_PIXELS, SUN_PIXELS), perspective=False)
+    light = Camera.framing(mesh.corners, *sun, (camera.size[0], camera.size[0]), perspective=False)
     _, shadow = _visible(mesh, light)
     extent = float(np.ptp(mesh.corners.reshape(-1, 3), axis=0).max())
     pixel = float(np.linalg.norm(mesh.corners[0, 0] - camera.eye)) / camera.scale  # m, about
