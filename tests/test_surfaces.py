@@ -212,6 +212,7 @@ def test_each_has_its_sizes_as_keywords_and_a_name(name: str) -> None:
         (lambda: surfaces.rough(max_slope=2), "max_slope is 2 rad"),
         (lambda: surfaces.rough(spacing=0.2), "too coarse for waves"),
         (lambda: surfaces.paper(length=1.0), "do not fit into 1 m"),
+        (lambda: surfaces.paper(ramp_slope=16.7), "ramp_slope is 16.7 rad"),
         (lambda: surfaces.paper(run_in=np.nan), "run_in is nan"),
         (lambda: surfaces.fractal(hurst=1.5), "hurst is 1.5"),
         (lambda: surfaces.fractal(rms_slope=-1), "rms_slope is -1 rad"),

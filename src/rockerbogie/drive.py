@@ -131,7 +131,9 @@ def drive_rates(pose: Pose, at: PathSample, speed: float) -> dict[str, Array]:
     solve_for = [2, 3, 4, 6, 7, 8]
     found = np.full((n, 6), np.nan)
     lift = by_rate[known, :, 2]
-    found[known] = np.linalg.solve(lift[..., solve_for], -lift[..., [0, 1, 5]] @ given[known, :, None])[..., 0]
+    A, b = lift[..., solve_for], -lift[..., [0, 1, 5]] @ given[known, :, None]
+    sound = np.linalg.det(A) != 0  # else the linkage could move while the body stands: its rate is nan
+    found[np.flatnonzero(known)[sound]] = np.linalg.solve(A[sound], b[sound])[..., 0]
     rates = np.empty((n, 9))
     rates[:, [0, 1, 5]], rates[:, solve_for] = given, found
     rolled = np.einsum("nij,nj->ni", by_rate[:, :, 0], rates)  # m/s of each wheel's contact along its way

@@ -48,7 +48,7 @@ def paper(
         ramp_height: of the level top, m.
         corner: half length of the rounding of the ramps' corners, m; 0 is sharp.
         seam: width of the strip along y = 0 over which one side goes over to the other, m; the wheels of the paper's
-            rover run at y = ±0.27 and, as it rolls, keep more than 0.07 m clear of the default strip.
+            rover run at y = ±0.27 and, as it rolls, keep 0.1 m clear of the default strip.
         run_out: flat ground beyond, m.
         behind: flat ground behind x = 0, m.
         width: of the map, m.
@@ -58,6 +58,8 @@ def paper(
     """
     finite(run_in=run_in, hill_amplitude=hill_amplitude, run_out=run_out, behind=behind)
     positive(length=length, ramp_slope=ramp_slope, ramp_height=ramp_height, seam=seam, width=width)
+    if not ramp_slope < math.pi / 2:
+        raise TerrainError(f"ramp_slope is {ramp_slope} rad; a height field needs less than a quarter turn")
     rise = math.tan(ramp_slope)
     run = ramp_height / rise
     if not 2 * (run + corner) <= length:
