@@ -16,6 +16,8 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from . import surfaces as surfaces
     from .actuation import wheel_commands as wheel_commands
+    from .compare import compare as compare
+    from .compare import settle_along as settle_along
     from .drive import drive as drive
     from .errors import PathError as PathError
     from .errors import RockerbogieError as RockerbogieError
@@ -44,7 +46,6 @@ if TYPE_CHECKING:
     from .rover import Link as Link
     from .rover import Rover as Rover
     from .settle import settle as settle
-    from .simulate import compare as compare
     from .simulate import simulate as simulate
     from .slip import wheel_slip as wheel_slip
     from .status import Status as Status
@@ -86,7 +87,8 @@ _EXPORTS = {
     "write_mcap": "rosbag",
     "to_mjcf": "mjcf",
     "simulate": "simulate",
-    "compare": "simulate",
+    "settle_along": "compare",
+    "compare": "compare",
 }
 
 __all__ = ["__version__", *_EXPORTS]  # noqa: PLE0604

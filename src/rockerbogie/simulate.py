@@ -1,0 +1,283 @@
+"""A drive in MuJoCo: six driven wheels on the same ground, under gravity, with friction. The second opinion on `drive`.
+
+Of the kinematic model it takes the height to let the rover down from, and nothing after.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import __version__
+from .dataset import VARIABLES, run_dataset
+from .drive import ackermann, drive, summary
+from .errors import PathError, RockerbogieError
+from .frames import wheel_frames
+from .mjcf import Region, build_spec
+from .path import Path
+from .pose import Pose
+from .rigid_body import Record, Rig
+from .rover import Rover
+from .settle import settle
+from .status import Status
+from .terrain import Terrain
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+#: What drives: from the time, s, and the rig, wheel rates (6,), rad/s, and steering (6,), rad.
+Driver = Callable[[float, Rig], tuple[Array, Array]]
+
+#: The rover is let down from this far above its settled pose, m, and stands so long before it drives, s.
+LET_DOWN, STAND = 2e-5, 0.5
+#: The motors get new commands this often, s.
+CONTROL_PERIOD = 0.02
+#: Path feedback, for a wheelbase L: speed for distance behind, 1/s; curvature for heading off, 1/L, and for distance off the line, 1/L².
+ALONG_GAIN, YAW_GAIN, ACROSS_GAIN = 1.0, 3.0, 3.0
+#: The most it asks for: this times the speed, and a curvature of this over L.
+MOST_HASTE, MOST_BEND = 2.0, 0.5
+
+#: What a simulated run holds besides a run's own variables: dims, units, long name.
+EXTRA = {
+    "vx": ((), "m/s", "velocity of the body's reference point, forward"),
+    "vy": ((), "m/s", "velocity of the body's reference point, to the left"),
+    "vz": ((), "m/s", "velocity of the body's reference point, along the body's upright"),
+    "wx": ((), "rad/s", "angular velocity of the body about its x"),
+    "wy": ((), "rad/s", "angular velocity of the body about its y"),
+    "wz": ((), "rad/s", "angular velocity of the body about its z"),
+    "contact_force": (("wheel",), "N", "force of the ground on the wheel, along the contact normals"),
+    "wheel_rate_command": (("wheel",), "rad/s", "turning rate asked of the wheel's motor"),
+    "steering_command": (("wheel",), "rad", "steering angle asked of the wheel's motor"),
+}
+
+
+def simulate(
+    rover: Rover,
+    terrain: Terrain,
+    path: Path,
+    speed: float = 0.02,
+    *,
+    interval: float = 0.1,
+    friction: float = 0.8,
+    commands: xr.Dataset | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> xr.Dataset:
+    """Drive a rover along a path in MuJoCo.
+
+    Speed and steering follow the path's own, corrected by where the rover is; each wheel is asked for the speed that its own slope
+    needs. Wheels that do not steer skid through a turn.
+
+    Args:
+        path: where to go. The rover must be able to stand at its start, and its wheels must stay on known ground.
+        speed: along the path, seen from above, m/s, above 0.
+        interval: between records, s; made a whole number of `CONTROL_PERIOD`.
+        friction: coefficient of sliding friction between wheels and ground.
+        commands: follow these instead, open loop, from the path's start until they end: a Dataset with `wheel_rate` (time, wheel),
+            rad/s, and `steering` (time, wheel), rad, as `drive` and `simulate` give them; linear in between.
+        progress: called with the share done, 0 to 1, at every record.
+
+    Returns:
+        Dataset over `time` as from `drive` (docs/design.md), but measured: `distance` is what the body travelled over the map,
+        `contact_point` and `contact_angle` are those of MuJoCo's greatest contact force on each wheel (nan in the air), `gap` and
+        `clearance` those of the measured pose over the terrain itself, the rates MuJoCo's own. Besides: `vx` … `wz`, the body's
+        twist in its own frame; `contact_force`; `wheel_rate_command` and `steering_command`. It ends early if the rover tips over.
+
+    Raises:
+        PathError: the rover cannot stand at the path's start, or the path leaves known ground; a speed that is not above 0.
+        RoverError: the differential is beyond MuJoCo (see `to_mjcf`).
+        TerrainError: more ground than a simulation holds.
+        RockerbogieError: commands without wheel rates or steering; a simulation that became unstable.
+    """
+    if not (np.isfinite(speed) and speed > 0):
+        raise PathError(f"speed is {speed} m/s; give one above 0 (to go backwards, give a path that faces back)")
+    _check_ground(rover, terrain, path)
+    if commands is None:
+        driver, duration = _follower(rover, terrain, path, speed), path.length / speed
+    else:
+        driver, duration = _player(rover, commands)
+    region = _surroundings(rover, path)
+    rig = Rig(rover, build_spec(rover, terrain, region=region, friction=friction).compile())
+    rig.place(_start(rover, terrain, path), LET_DOWN)
+    rig.command(np.zeros(6), driver(0.0, rig)[1])
+    rig.step(STAND)
+    ticks = max(round(interval / CONTROL_PERIOD), 1)
+    count = int(duration / (ticks * CONTROL_PERIOD) + 1e-9)
+    records = [rig.record()]
+    for k in range(1, count + 1):
+        for _ in range(ticks):
+            rig.command(*driver(rig.data.time - STAND, rig))
+            rig.step(CONTROL_PERIOD)
+        records.append(rig.record())
+        if progress is not None:
+            progress(k / count)
+        if _tilt_cosine(records[-1]) < 0:
+            break
+    attrs = {
+        "terrain": terrain.name,
+        "path": path.description,
+        "speed": float(speed),
+        "source": f"rockerbogie {__version__} simulate, MuJoCo {_mujoco_version()}",
+        "rates": "measured in the simulation; contact_angle_rate by central differences",
+        "friction": float(friction),
+    }
+    return _measured(rover, terrain, records, attrs)
+
+
+def _mujoco_version() -> str:
+    import mujoco
+
+    return str(mujoco.__version__)
+
+
+def _start(rover: Rover, terrain: Terrain, path: Path) -> Pose:
+    at = path.sample(0.0)
+    pose = settle(rover, terrain, at.x, at.y, at.yaw, steering=ackermann(rover, at.curvature, at.course - at.yaw))
+    if not np.isfinite(pose.q).all():
+        raise PathError(
+            f"the rover does not settle at the path's start ({at.x:g}, {at.y:g}) m: {Status(int(pose.status)).name}; start elsewhere"
+        )
+    return pose
+
+
+def _check_ground(rover: Rover, terrain: Terrain, path: Path) -> None:
+    """The path's own places, wheels level: their fore and aft ends must all lie on known ground."""
+    distance = np.linspace(0.0, path.length, 2 + int(path.length / min(terrain.spacing)))
+    at = path.sample(distance)
+    ends = np.concatenate([rover.hubs[:, :2] + np.outer(rover.wheel_radius, (side, 0)) for side in (-1, 1)])
+    c, s = np.cos(at.yaw)[:, None], np.sin(at.yaw)[:, None]
+    x, y = at.x[:, None] + c * ends[:, 0] - s * ends[:, 1], at.y[:, None] + s * ends[:, 0] + c * ends[:, 1]
+    lost = np.isnan(terrain.height(x, y)).any(axis=1)
+    if lost.any():
+        k = int(np.argmax(lost))
+        raise PathError(
+            f"{distance[k]:.2f} m along the path, at ({at.x[k]:g}, {at.y[k]:g}) m, a wheel has no known ground under it: "
+            f"keep within {tuple(float(f'{b:.6g}') for b in terrain.bounds)} (xmin, ymin, xmax, ymax) and off its holes"
+        )
+
+
+def _surroundings(rover: Rover, path: Path) -> Region:
+    """The ground the rover may come to: its own reach around the path, and as much again for straying."""
+    reach = 2 * float((np.hypot(rover.hubs[:, 0], rover.hubs[:, 1]) + rover.wheel_radius + rover.wheel_width / 2).max())
+    at = path.sample(np.linspace(0.0, path.length, 2 + int(path.length / reach * 10)))
+    return at.x.min() - reach, at.y.min() - reach, at.x.max() + reach, at.y.max() + reach
+
+
+def _follower(rover: Rover, terrain: Terrain, path: Path, speed: float) -> Driver:
+    """Follows the path: what `drive` says of its wheels there, and a pull back to where the rover should be by now."""
+    plan = drive(rover, terrain, path, speed)
+    planned, planned_distance = np.nan_to_num(plan["wheel_rate"].to_numpy(), nan=speed / rover.wheel_radius.mean()), plan["distance"].to_numpy()
+    size = rover.wheelbase
+
+    def follow(time: float, rig: Rig) -> tuple[Array, Array]:
+        x, y, yaw = rig.heading
+        due = min(speed * time, path.length)
+        at = path.sample(due)
+        c, s = np.cos(at.course), np.sin(at.course)
+        ahead, across = c * (x - at.x) + s * (y - at.y), -s * (x - at.x) + c * (y - at.y)
+        off = (yaw - at.yaw + np.pi) % (2 * np.pi) - np.pi
+        v = np.clip(speed - ALONG_GAIN * ahead, 0.0, MOST_HASTE * speed)
+        bend = -np.clip(YAW_GAIN * off / size + ACROSS_GAIN * across / size**2, -MOST_BEND / size, MOST_BEND / size)
+        angle = ackermann(rover, at.curvature + bend, at.course - at.yaw)
+        rate = np.array([np.interp(due + ahead, planned_distance, column) for column in planned.T])
+        swing = bend * (np.sin(angle) * rover.hubs[:, 0] - np.cos(angle) * rover.hubs[:, 1])  # of each wheel along its way, a metre
+        return v * (rate / speed + swing / rover.wheel_radius), angle
+
+    return follow
+
+
+def _player(rover: Rover, commands: xr.Dataset) -> tuple[Driver, float]:
+    """Plays recorded commands, and how long they last, s."""
+    missing = {"wheel_rate", "steering", "time"} - set(map(str, commands.variables))
+    if missing:
+        raise RockerbogieError(f"commands hold no {', '.join(sorted(missing))}; give wheel_rate and steering over (time, wheel)")
+    time = commands["time"].to_numpy() - float(commands["time"][0])
+    rate, angle = (commands[name].transpose("time", "wheel").to_numpy() for name in ("wheel_rate", "steering"))
+    if (
+        rate.shape != (len(time), 6)
+        or angle.shape != (len(time), 6)
+        or not (np.isfinite(rate).all() and np.isfinite(angle).all())
+    ):
+        raise RockerbogieError(f"commands have shapes {rate.shape} and {angle.shape}; give finite values ({len(time)}, 6)")
+
+    def play(now: float, rig: Rig) -> tuple[Array, Array]:
+        both = [np.array([np.interp(now, time, column) for column in table.T]) for table in (rate, angle)]
+        return both[0], np.where(rover.steers, both[1], 0.0)
+
+    return play, float(time[-1])
+
+
+def _measured(rover: Rover, terrain: Terrain, records: list[Record], attrs: dict[str, object]) -> xr.Dataset:
+    """The run's Dataset from what was recorded."""
+    got = {name: np.array([getattr(record, name) for record in records]) for name in Record.__dataclass_fields__}
+    time = got["time"] - got["time"][0]
+    xyz, R = got["place"][:, :3], _rotation(got["place"][:, 3:])
+    roll, pitch, yaw = (
+        np.arctan2(R[:, 2, 1], R[:, 2, 2]),
+        -np.arcsin(np.clip(R[:, 2, 0], -1, 1)),
+        np.unwrap(np.arctan2(R[:, 1, 0], R[:, 0, 0])),
+    )
+    q = np.stack([xyz[:, 2], roll, pitch, got["hinge"][:, 0], *got["hinge"][:, 2:].T], axis=-1)
+    pose = Pose(rover, terrain, xyz[:, 0], xyz[:, 1], yaw, got["steering"], q, np.zeros(len(time), dtype=np.uint8))
+    axle = pose.T_world_body[:, None] @ wheel_frames(rover, pose.rocker, pose.bogie, pose.steering)
+    spoke = np.einsum(
+        "nwji,nwj->nwi", axle[..., :3, :3], got["contact_point"] - axle[..., :3, 3]
+    )  # hub to contact, in the axle's frame
+    angle = np.arctan2(-spoke[..., 0], -spoke[..., 2])
+    status = _status(pose, got["contact_force"], got["body_force"], R[:, 2, 2])
+    values = {name: getattr(pose, name) for name in VARIABLES}
+    values |= {"contact_angle": angle, "contact_point": got["contact_point"], "status": status}
+    linear, w = got["velocity"][:, :3], got["velocity"][:, 3:]
+    swing = np.sin(roll) * w[:, 1] + np.cos(roll) * w[:, 2]
+    values |= {f"{name}_rate": linear[:, k] for k, name in enumerate("xyz")}
+    values |= {
+        "roll_rate": w[:, 0] + np.tan(pitch) * swing,
+        "pitch_rate": np.cos(roll) * w[:, 1] - np.sin(roll) * w[:, 2],
+        "yaw_rate": swing / np.cos(pitch),
+        "rocker_rate": got["hinge_rate"][:, 0],
+        "bogie_rate": got["hinge_rate"][:, 2:],
+        "contact_angle_rate": np.gradient(angle, time, axis=0),
+        "wheel_rate": got["wheel_rate"],
+    }
+    distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))])
+    attrs["status_summary"] = summary(status, distance)
+    run = run_dataset(rover, time, distance, values, attrs)
+    twist = np.concatenate([np.einsum("nji,nj->ni", R, linear), w], axis=-1)
+    more = {name: got[name] for name in ("contact_force", "wheel_rate_command", "steering_command")} | dict(
+        zip(EXTRA, twist.T, strict=False)
+    )
+    return run.assign(
+        {name: (("time", *dims), more[name], {"units": u, "long_name": text}) for name, (dims, u, text) in EXTRA.items()}
+    )
+
+
+def _status(pose: Pose, wheel_force: Array, body_force: Array, upright: Array) -> NDArray[np.uint8]:
+    """What can be seen of a moving rover: graver things last, so that they stand."""
+    status = np.full(len(upright), Status.CONVERGED, dtype=np.uint8)
+    limits = ((pose.rocker[:, None], pose.rover.rocker_limits), (pose.bogie, pose.rover.bogie_limits))
+    for angle, (low, high) in limits:
+        status[((angle <= low) | (angle >= high)).any(axis=-1)] = Status.JOINT_STOP
+    status[(wheel_force <= 0).any(axis=-1)] = Status.WHEEL_LIFTED
+    status[body_force > 0] = Status.BELLY_CONTACT
+    status[np.isnan(pose.gap).any(axis=-1)] = Status.NO_DATA
+    status[upright <= 0] = Status.TIPPED
+    return status
+
+
+def _tilt_cosine(record: Record) -> float:
+    return float(_rotation(record.place[3:])[2, 2])
+
+
+def _rotation(quaternion: Array) -> Array:
+    """(..., 3, 3) from w, x, y, z (..., 4)."""
+    w, x, y, z = np.moveaxis(quaternion, -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
