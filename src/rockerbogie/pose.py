@@ -101,7 +101,7 @@ class Pose:
         gap, angle, point, normal = (np.empty((n, 6, *tail)) for tail in ((), (), (3,), (3,)))
         count = np.empty((n, 6), dtype=np.int64)
         batch.touch_batch(
-            self.terrain.grid, self.terrain.meta, self.rover.packed, *self._flat_places(), self._flat_steering(),
+            self.terrain.packed, self.rover.packed, *self._flat_places(), self._flat_steering(),
             np.ascontiguousarray(self.q.reshape(n, 6)), TOUCHING, gap, angle, point, normal, count,
         )  # fmt: skip
         return Contacts(*(a.reshape(*self.shape, *a.shape[1:]) for a in (gap, angle, point, normal, count)))  # type: ignore[arg-type]
@@ -166,8 +166,7 @@ class Pose:
         n = self.status.size
         out = np.empty(n)
         batch.clearance_batch(
-            self.terrain.grid,
-            self.terrain.meta,
+            self.terrain.packed,
             self.rover.packed,
             *self._flat_places(),
             np.ascontiguousarray(self.q.reshape(n, 6)),

@@ -70,7 +70,7 @@ def settle(
         part = slice(start, min(start + CHUNK, n))
         chosen = turn[(0,) * (turn.ndim - 1)].reshape(1, 6) if one_steering else turn.reshape(-1, 6)[part]
         spots = (px.flat[part], py.flat[part], heading.flat[part], np.ascontiguousarray(chosen))
-        given = (terrain.grid, terrain.meta, rover.packed, *spots)
+        given = (terrain.packed, rover.packed, *spots)
         if report is None:
             batch.settle_batch(*given, q[part], status[part])
         else:

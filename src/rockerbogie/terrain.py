@@ -34,6 +34,7 @@ class Terrain:
     crs: str | None
     name: str
     grid: Array  # what the kernels read: nodes, or spline coefficients with a ring around
+    roof: Array  # (rows, cols) nodes of a bilinear surface that the ground nowhere rises over
     meta: Array  # and where it lies: _kernels.ground.META_*
 
     @classmethod
@@ -84,14 +85,16 @@ class Terrain:
             raise TerrainError("every height is nan: there is no ground here")
         level = float(np.median(heights[known]))  # kept apart, so that -4,450 m does not eat the last digits
         meta = np.zeros(ground.META_SIZE)
-        meta[: ground.META_SIZE] = (*corner, level, *step, heights.shape[1], heights.shape[0], interpolation == "cubic")
-        grid = heights - level
+        meta[: ground.META_SIZE] = (*corner, level, *step, heights.shape[1], heights.shape[0], interpolation == "cubic", np.inf)
+        grid = roof = np.ascontiguousarray(heights - level)
         if interpolation == "cubic":
             grid = _spline_coefficients(grid, known)
+            roof = _roof(grid)
+            meta[ground.META_BEND] = _greatest_bend(grid, step)
         heights.setflags(write=False)
         return cls(
             heights, (float(step[0]), float(step[1])), (float(corner[0]), float(corner[1])), interpolation, crs, name,
-            np.ascontiguousarray(grid), meta,
+            grid, roof, meta,
         )  # fmt: skip
 
     @classmethod
@@ -117,6 +120,11 @@ class Terrain:
 
         heights, spacing, origin, crs = read_raster(Path(path), band, window)
         return cls.from_array(heights, spacing, origin, interpolation, crs=crs, name=Path(path).stem)
+
+    @property
+    def packed(self) -> tuple[Array, Array, Array]:
+        """All that a kernel reads of the ground."""
+        return self.grid, self.roof, self.meta
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -173,6 +181,46 @@ def _spline_coefficients(z: Array, known: NDArray[np.bool_]) -> Array:
     c = _spline_rows(_spline_rows(z).T).T.copy()
     c[1:-1, 1:-1][~known] = np.nan
     return c
+
+
+def _greatest_bend(c: Array, step: Array) -> float:
+    """A bound on the spline's second derivative along any direction: those of a spline lie within the second differences
+    of its coefficients. inf where ground is missing."""
+    xx = np.abs(np.diff(c, 2, axis=1)).max() / step[0] ** 2
+    yy = np.abs(np.diff(c, 2, axis=0)).max() / step[1] ** 2
+    xy = np.abs(np.diff(np.diff(c, axis=0), axis=1)).max() / (step[0] * step[1])
+    bound = float(max(xx, yy) + xy)
+    return bound if np.isfinite(bound) else np.inf
+
+
+def _roof(c: Array) -> Array:
+    """Node heights (rows, cols) whose bilinear surface the spline of coefficients c nowhere rises over.
+
+    A cell's spline lies under its Bézier ordinates; by what these exceed the plane-like surface through the cell's
+    corners, its corners are lifted. inf around cells that are not known.
+    """
+    bezier = np.array([[1, 4, 1, 0], [0, 4, 2, 0], [0, 2, 4, 0], [0, 1, 4, 1]]) / 6
+    rows, cols = c.shape[0] - 3, c.shape[1] - 3  # cells
+    across = [sum(w * c[:, n : n + cols] for n, w in enumerate(weights)) for weights in bezier]
+
+    def ordinate(k: int, m: int) -> Array:
+        return np.asarray(sum(w * across[m][n : n + rows] for n, w in enumerate(bezier[k])))
+
+    a, b, d, e = ordinate(0, 0), ordinate(0, 3), ordinate(3, 0), ordinate(3, 3)
+    bulge = np.zeros((rows, cols))
+    for k in range(4):
+        for m in range(4):
+            u, v = m / 3, k / 3
+            bulge = np.maximum(bulge, ordinate(k, m) - ((a * (1 - u) + b * u) * (1 - v) + (d * (1 - u) + e * u) * v))
+    bulge[np.isnan(bulge)] = np.inf
+    lift = np.zeros((rows + 1, cols + 1))
+    node = np.zeros((rows + 1, cols + 1))
+    for i in (0, 1):
+        for j in (0, 1):
+            part = (slice(i, rows + i), slice(j, cols + j))
+            lift[part] = np.maximum(lift[part], bulge)
+            node[part] = np.where(np.isnan(corner := (a, b, d, e)[2 * i + j]), node[part], corner)
+    return node + lift
 
 
 def _spline_rows(z: Array) -> Array:

@@ -12,45 +12,43 @@ from .equilibrium import settle_equilibrium
 from .ground import META_X, META_Y, META_Z
 from .jit import pnjit, prange
 from .linkage import P_BOX, PITCH, ROLL, Z, body_axes, stand, stand_feet
-from .tread import (
-    FOUND,
-    FOUND_SIZE,
+from .tread import FOUND, ROOM, SCRATCH, Ground, least_gap, patches
+from .underside import NEAR_ROOM, NEAR_SIZE, box_over_ground, least_clearance
+from .wheel import (
+    COSINE,
     GAP,
     HX,
     HY,
     HZ,
-    PHI,
     PLACE,
-    ROOM,
+    PLACE_SIZE,
+    SIN,
     WHEEL_SIZE,
     contact_angle,
     contact_slope,
-    least_gap,
-    patches,
-    rim_point,
+    tread_point,
 )
-from .underside import NEAR_ROOM, NEAR_SIZE, box_over_ground, least_clearance
 
 Array = NDArray[np.float64]
 
 
 @pnjit
 def settle_batch(
-    grid: Array, meta: Array, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, out: Array, status: NDArray[np.uint8]
+    ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, out: Array, status: NDArray[np.uint8]
 ) -> None:
     """Contact mode. x, y, yaw (n,), steering (n, 6) or (1, 6); fills out (n, 6) as linkage's q, and status (n,)."""
+    meta = ground[2]
     for k in prange(x.size):
-        feet, touch = np.empty((6, 5)), np.zeros((6, FOUND_SIZE))
+        feet, touch = np.empty((6, 5)), np.empty((6, PLACE_SIZE))
         stand_feet(rover, steering[np.int64(k) if steering.shape[0] > 1 else 0], feet)
         px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
-        status[k] = settle_contact(grid, meta, rover, feet, px, py, math.cos(yaw[k]), math.sin(yaw[k]), out[k], touch)
+        status[k] = settle_contact(ground, rover, feet, px, py, math.cos(yaw[k]), math.sin(yaw[k]), out[k], touch)
         out[k, Z] += meta[META_Z]
 
 
 @pnjit
 def rest_batch(
-    grid: Array,
-    meta: Array,
+    ground: Ground,
     rover: Array,
     x: Array,
     y: Array,
@@ -61,24 +59,26 @@ def rest_batch(
     report: Array,
 ) -> None:
     """Equilibrium mode. As `settle_batch`; report (n, equilibrium.R_SIZE) too."""
+    meta = ground[2]
     for k in prange(x.size):
         feet = np.empty((6, 5))
         stand_feet(rover, steering[np.int64(k) if steering.shape[0] > 1 else 0], feet)
         px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
-        status[k] = settle_equilibrium(grid, meta, rover, feet, px, py, math.cos(yaw[k]), math.sin(yaw[k]), out[k], report[k])
+        status[k] = settle_equilibrium(ground, rover, feet, px, py, math.cos(yaw[k]), math.sin(yaw[k]), out[k], report[k])
         out[k, Z] += meta[META_Z]
 
 
 @pnjit
 def touch_batch(
-    grid: Array, meta: Array, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, q: Array, keep: float,
+    ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, q: Array, keep: float,
     gap: Array, angle: Array, point: Array, normal: Array, count: NDArray[np.int64],
 ) -> None:  # fmt: skip
     """How each wheel touches at given poses q (n, 6): gap, contact angle (n, 6), point, normal (n, 6, 3) in the world,
     and how many separate places of its tread are within `keep` of the ground (n, 6)."""
+    grid, _, meta = ground
     for k in prange(x.size):
         feet, axes, knees, wheels = np.empty((6, 5)), np.empty((3, 3)), np.empty((4, 3)), np.empty((6, WHEEL_SIZE))
-        best, found, cuts, local = np.empty(FOUND_SIZE), np.empty((ROOM, FOUND_SIZE)), np.empty(12), q[k].copy()
+        best, found, scratch, local = np.empty(PLACE_SIZE), np.empty((ROOM, PLACE_SIZE)), np.empty(SCRATCH), q[k].copy()
         gap[k] = angle[k] = math.nan
         point[k] = normal[k] = math.nan
         count[k] = 0
@@ -91,24 +91,25 @@ def touch_batch(
             continue
         for i in range(6):
             w = wheels[i]
-            code, kept = least_gap(grid, meta, w, 0.0, 0.0, keep, best, found, cuts)
+            code, kept = least_gap(ground, w, 0.0, 1.0, 0.0, True, keep, best, found, scratch)
             if code != FOUND:
                 continue
             gap[k, i] = best[GAP]
-            ox, oy, oz = rim_point(w, best[PHI], best[PLACE])
+            ox, oy, oz = tread_point(w, best[SIN], best[COSINE], best[PLACE])
             point[k, i, 0] = w[HX] + ox + meta[META_X]
             point[k, i, 1] = w[HY] + oy + meta[META_Y]
             point[k, i, 2] = w[HZ] + oz + meta[META_Z]
-            gx, gy = contact_slope(grid, meta, w, best[PHI], best[PLACE])
+            gx, gy = contact_slope(grid, meta, w, best[SIN], best[COSINE], best[PLACE])
             size = math.sqrt(1.0 + gx * gx + gy * gy)
             normal[k, i, 0], normal[k, i, 1], normal[k, i, 2] = -gx / size, -gy / size, 1.0 / size
-            angle[k, i] = contact_angle(w, best[PHI], best[PLACE])
-            count[k, i] = patches(grid, meta, w, found, kept, keep)
+            angle[k, i] = contact_angle(w, best[SIN], best[COSINE], best[PLACE])
+            count[k, i] = patches(ground, w, found, kept, keep)
 
 
 @pnjit
-def clearance_batch(grid: Array, meta: Array, rover: Array, x: Array, y: Array, yaw: Array, q: Array, out: Array) -> None:
+def clearance_batch(ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, q: Array, out: Array) -> None:
     """Least height of the body's box over the ground (n,) at poses q (n, 6)."""
+    grid, _, meta = ground
     for k in prange(x.size):
         axes, near = np.empty((3, 3)), np.empty((NEAR_ROOM, NEAR_SIZE))
         out[k] = math.nan

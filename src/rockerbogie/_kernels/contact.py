@@ -10,133 +10,134 @@ from numpy.typing import NDArray
 from .ground import surface
 from .jit import njit
 from .linkage import P_HUB, P_PIVOT, P_RADIUS, P_STOPS, ROCKER, Z, slope_row, stand
-from .tread import (
-    BLANK,
-    FOUND,
-    FOUND_SIZE,
-    GAP,
-    HX,
-    HY,
-    HZ,
-    OFF,
-    PHI,
-    PLACE,
-    WHEEL_SIZE,
-    contact_slope,
-    least_gap,
-    rim_point,
-)  # fmt: skip
+from .tread import BLANK, FOUND, OFF, SCRATCH, Ground, least_gap
+from .wheel import COSINE, GAP, HX, HY, HZ, PLACE, PLACE_SIZE, RADIUS, SIN, WHEEL_SIZE, contact_slope, tread_point
 
 Array = NDArray[np.float64]
 
 
 @njit
-def solve6(a: Array, b: Array) -> float:
-    """Solve a x = b in place (x in b), partial pivoting; returns the least pivot over the greatest."""
-    low, high = math.inf, 0.0
-    for k in range(6):
-        p = k
-        for i in range(k + 1, 6):
-            if abs(a[i, k]) > abs(a[p, k]):
-                p = i
-        if p != k:
-            for j in range(k, 6):
-                a[k, j], a[p, j] = a[p, j], a[k, j]
-            b[k], b[p] = b[p], b[k]
-        pivot = a[k, k]
-        low, high = min(low, abs(pivot)), max(high, abs(pivot))
-        if pivot == 0.0:
-            return 0.0
-        for i in range(k + 1, 6):
-            f = a[i, k] / pivot
-            if f != 0.0:
-                for j in range(k + 1, 6):
-                    a[i, j] -= f * a[k, j]
-                b[i] -= f * b[k]
-    for k in range(5, -1, -1):
-        t = b[k]
-        for j in range(k + 1, 6):
-            t -= a[k, j] * b[j]
-        b[k] = t / a[k, k]
-    return low / high
+def solve_linkage(a: Array, b: Array) -> bool:
+    """Solve a x = b for the linkage's six equations (x in b): rows 0, 1 know no bogie angle, rows 2, 4 only the left
+    one, rows 3, 5 only the right one, and z's coefficient is 1 in all. False where it is singular to rounding."""
+    m, r = np.empty((3, 3)), np.empty(3)
+    pivot = np.empty(2, np.int64)
+    for side in range(2):
+        p = 2 + side if abs(a[2 + side, 4 + side]) >= abs(a[4 + side, 4 + side]) else 4 + side
+        o = 6 + 2 * side - p
+        pivot[side] = p
+        k = a[o, 4 + side] / a[p, 4 + side]
+        z = 1.0 - k  # what is left of z's coefficient, taken out by row 0
+        for j in range(3):
+            m[1 + side, j] = a[o, 1 + j] - k * a[p, 1 + j] - z * a[0, 1 + j]
+        r[1 + side] = b[o] - k * b[p] - z * b[0]
+    for j in range(3):
+        m[0, j] = a[1, 1 + j] - a[0, 1 + j]
+    r[0] = b[1] - b[0]
+    c0 = m[1, 1] * m[2, 2] - m[1, 2] * m[2, 1]
+    c1 = m[1, 2] * m[2, 0] - m[1, 0] * m[2, 2]
+    c2 = m[1, 0] * m[2, 1] - m[1, 1] * m[2, 0]
+    det = m[0, 0] * c0 + m[0, 1] * c1 + m[0, 2] * c2
+    x1 = (r[0] * c0 + m[0, 1] * (m[1, 2] * r[2] - r[1] * m[2, 2]) + m[0, 2] * (r[1] * m[2, 1] - m[1, 1] * r[2])) / det
+    x2 = (m[0, 0] * (r[1] * m[2, 2] - m[1, 2] * r[2]) + r[0] * c1 + m[0, 2] * (m[1, 0] * r[2] - r[1] * m[2, 0])) / det
+    x3 = (m[0, 0] * (m[1, 1] * r[2] - r[1] * m[2, 1]) + m[0, 1] * (r[1] * m[2, 0] - m[1, 0] * r[2]) + r[0] * c2) / det
+    x0 = b[0] - a[0, 1] * x1 - a[0, 2] * x2 - a[0, 3] * x3
+    good = math.isfinite(x0)
+    for side in range(2):
+        p = pivot[side]
+        bend = (b[p] - x0 - a[p, 1] * x1 - a[p, 2] * x2 - a[p, 3] * x3) / a[p, 4 + side]
+        good &= math.isfinite(bend)
+        r[side] = bend
+    b[0], b[1], b[2], b[3], b[4], b[5] = x0, x1, x2, x3, r[0], r[1]
+    return good
 
 
 @njit
-def gaps(
-    grid: Array, meta: Array, rover: Array, feet: Array, x: float, y: float, cy: float, sy: float, q: Array,
-    axes: Array, knees: Array, wheels: Array, touch: Array, cuts: Array, none: Array,
-) -> int:  # fmt: skip
-    """touch (6, 3): gap, φ, s of each wheel at q, over its whole tread. FOUND, OFF, BLANK, or -1 on its side."""
+def stand_on_hubs(
+    ground: Ground, rover: Array, feet: Array, x: float, y: float, cy: float, sy: float, q: Array,
+    axes: Array, knees: Array, wheels: Array, a: Array, step: Array,
+) -> None:  # fmt: skip
+    """A first step, cheap: as if each wheel stood on the ground right under its hub, and that were level."""
+    grid, _, meta = ground
     if not stand(rover, feet, x, y, cy, sy, q, axes, knees, wheels):
-        return -1
+        return
     for i in range(6):
-        code, _ = least_gap(grid, meta, wheels[i], touch[i, PHI], touch[i, PLACE], -math.inf, touch[i], none, cuts)
-        if code != FOUND:
-            return code
-    return FOUND
+        w = wheels[i]
+        h = surface(grid, meta, w[HX], w[HY])[0]
+        slope_row(rover, q, cy, sy, axes, knees, i, w[HX] - x, w[HY] - y, w[HZ] - q[Z] - w[RADIUS], 0.0, 0.0, a[i])
+        step[i] = h + w[RADIUS] - w[HZ]
+    if solve_linkage(a, step):
+        move(q, step)
+
+
+@njit
+def move(q: Array, step: Array) -> None:
+    """Take a step, shortened where it would turn anything by more than `STRIDE`."""
+    big = 0.0
+    for k in range(1, 6):
+        big = max(big, abs(step[k]))
+    scale = min(1.0, STRIDE / big) if big > 0.0 else 1.0
+    for k in range(6):
+        q[k] += scale * step[k]
 
 
 @njit
 def newton(
-    grid: Array, meta: Array, rover: Array, feet: Array, x: float, y: float, cy: float, sy: float, q: Array,
-    tolerance: float, most: int, touch: Array,
-) -> tuple[int, int]:  # fmt: skip
-    axes, knees, wheels = np.empty((3, 3)), np.empty((4, 3)), np.empty((6, WHEEL_SIZE))
-    cuts, none = np.empty(12), np.empty((0, FOUND_SIZE))
-    a, step = np.empty((6, 6)), np.empty(6)
-    for it in range(most):
-        code = gaps(grid, meta, rover, feet, x, y, cy, sy, q, axes, knees, wheels, touch, cuts, none)
-        if code != FOUND:
-            return code, it
+    ground: Ground, rover: Array, feet: Array, x: float, y: float, cy: float, sy: float, q: Array, touch: Array,
+    axes: Array, knees: Array, wheels: Array, a: Array, step: Array, none: Array, scratch: Array,
+) -> int:  # fmt: skip
+    """Newton on the six gaps from q, each over the whole tread; touch (6, PLACE_SIZE) holds where they are.
+
+    The contact is found anew at every step, so the gap's slope is that of the touching point alone (the envelope
+    theorem), and the steps converge as fast as Newton's. FOUND, OFF, BLANK, or -1 where it does not settle.
+    """
+    grid, _, meta = ground
+    whole = True
+    for it in range(STEPS):
+        if not stand(rover, feet, x, y, cy, sy, q, axes, knees, wheels):
+            return -1
         worst = 0.0
         for i in range(6):
-            worst = max(worst, abs(touch[i, GAP]))
-        if worst < tolerance:
-            return FOUND, it
+            t, w = touch[i], wheels[i]
+            code, _ = least_gap(ground, w, t[SIN], t[COSINE], t[PLACE], whole, -math.inf, t, none, scratch)
+            if code != FOUND:
+                return code
+            worst = max(worst, abs(t[GAP]))
+        if worst < TOLERANCE:
+            if whole:
+                return FOUND
+            whole = True  # settled on the contacts followed: is there a lower one anywhere on the treads?
+            continue
+        whole = it >= FOLLOW
         for i in range(6):
-            px, py, pz = rim_point(wheels[i], touch[i, PHI], touch[i, PLACE])
-            gx, gy = contact_slope(grid, meta, wheels[i], touch[i, PHI], touch[i, PLACE])
-            slope_row(
-                rover,
-                q,
-                cy,
-                sy,
-                axes,
-                knees,
-                i,
-                wheels[i, HX] - x + px,
-                wheels[i, HY] - y + py,
-                wheels[i, HZ] - q[Z] + pz,
-                gx,
-                gy,
-                a[i],
-            )
-            step[i] = -touch[i, GAP]
-        solve6(a, step)
-        big = 0.0
-        for k in range(1, 6):
-            big = max(big, abs(step[k]))
-        if not big < 1e6:
-            return 9, it
-        scale = min(1.0, 0.3 / big)
-        for k in range(6):
-            q[k] += scale * step[k]
-    return 9, most
+            t, w = touch[i], wheels[i]
+            px, py, pz = tread_point(w, t[SIN], t[COSINE], t[PLACE])
+            gx, gy = contact_slope(grid, meta, w, t[SIN], t[COSINE], t[PLACE])
+            slope_row(rover, q, cy, sy, axes, knees, i, w[HX] - x + px, w[HY] - y + py, w[HZ] - q[Z] + pz, gx, gy, a[i])
+            step[i] = -t[GAP]
+        if not solve_linkage(a, step):
+            return -1
+        move(q, step)
+    return -1
 
 
 # Codes as rockerbogie.Status
 CONVERGED, OFF_MAP, NO_DATA, JOINT_STOP, NOT_CONVERGED, WHEEL_LIFTED, BELLY_CONTACT, TIPPED = range(8)
 TOLERANCE = 1e-10  # of every gap, m
-STEPS = 15  # Newton needs three on smooth ground, five on rough; a cycle between two rocks shows by then
+STEPS = 18  # Newton needs three on smooth ground, five on rough; a cycle between two rocks shows by then
+FOLLOW = 8  # steps in which contacts are followed; from then on they are sought anew each time
 STARTS = 32
 STRAYED = 3  # starts that may leave the known ground before the place itself is said to be off it
+STRIDE = 0.3  # rad, the longest step
 WIDEST = 1.4  # rad: a settled joint or attitude beyond this is the linkage folded over, not standing
 
 
 @njit
-def start_pose(grid: Array, meta: Array, rover: Array, x: float, y: float, attempt: int, q: Array, touch: Array) -> None:
+def start_pose(ground: Ground, rover: Array, x: float, y: float, attempt: int, q: Array, touch: Array) -> None:
     """The pose to start from: level for the first attempt, then leaning and bent by a fixed low-discrepancy sequence."""
-    touch[:] = 0.0
+    grid, _, meta = ground
+    for i in range(6):
+        touch[i, GAP], touch[i, SIN], touch[i, COSINE], touch[i, PLACE] = 0.0, 0.0, 1.0, 0.0
     q[Z] = surface(grid, meta, x, y)[0] + rover[P_RADIUS] - rover[P_HUB + 2] - rover[P_PIVOT + 2]
     spread = 0.2 + 0.2 * (attempt % 3)
     share = 1.0
@@ -148,17 +149,21 @@ def start_pose(grid: Array, meta: Array, rover: Array, x: float, y: float, attem
 
 @njit
 def settle_contact(
-    grid: Array, meta: Array, rover: Array, feet: Array, x: float, y: float, cy: float, sy: float, q: Array, touch: Array
+    ground: Ground, rover: Array, feet: Array, x: float, y: float, cy: float, sy: float, q: Array, touch: Array
 ) -> int:
     """Fill q with the settled pose, nan when there is none; returns a status code.
 
     Newton from a level start. Where two contacts of a wheel take turns it may cycle; then it starts anew from another
     attitude: the first start that settles upright counts, so the answer never depends on anything but the pose asked for.
     """
+    axes, knees, wheels = np.empty((3, 3)), np.empty((4, 3)), np.empty((6, WHEEL_SIZE))
+    a, step, none, scratch = np.empty((6, 6)), np.empty(6), np.empty((0, PLACE_SIZE)), np.empty(SCRATCH)
     strayed = 0
     for attempt in range(STARTS):
-        start_pose(grid, meta, rover, x, y, attempt, q, touch)
-        code, _ = newton(grid, meta, rover, feet, x, y, cy, sy, q, TOLERANCE, STEPS, touch)
+        start_pose(ground, rover, x, y, attempt, q, touch)
+        if attempt == 0:
+            stand_on_hubs(ground, rover, feet, x, y, cy, sy, q, axes, knees, wheels, a, step)
+        code = newton(ground, rover, feet, x, y, cy, sy, q, touch, axes, knees, wheels, a, step, none, scratch)
         if code == OFF or code == BLANK:
             strayed += 1
             if strayed == STRAYED:

@@ -42,24 +42,22 @@ from .linkage import (
     stand,
 )  # fmt: skip
 from .quadratic import invert, solve_qp
-from .tread import (
-    BLANK,
-    FOUND,
-    FOUND_SIZE,
+from .tread import BLANK, FOUND, ROOM, SCRATCH, Ground, least_gap
+from .underside import N_GAP, N_GX, N_GY, N_X, N_Y, N_Z, NEAR_ROOM, NEAR_SIZE, box_over_ground
+from .wheel import (
+    COSINE,
     GAP,
     HX,
     HY,
     HZ,
-    PHI,
     PLACE,
+    PLACE_SIZE,
     RADIUS,
-    ROOM,
+    SIN,
     WHEEL_SIZE,
     contact_slope,
-    least_gap,
-    rim_point,
+    tread_point,
 )
-from .underside import N_GAP, N_GX, N_GY, N_X, N_Y, N_Z, NEAR_ROOM, NEAR_SIZE, box_over_ground
 
 Array = NDArray[np.float64]
 
@@ -140,39 +138,40 @@ def centre_of_mass(rover: Array, feet: Array, q: Array, cy: float, sy: float, ax
 
 @njit
 def touch_down(
-    grid: Array, meta: Array, rover: Array, feet: Array, x: float, y: float, cy: float, sy: float, q: Array, full: bool,
+    ground: Ground, rover: Array, feet: Array, x: float, y: float, cy: float, sy: float, q: Array, full: bool,
     axes: Array, knees: Array, wheels: Array, gap: Array, rows: Array, owner: NDArray[np.int64],
 ) -> tuple[int, int]:  # fmt: skip
     """Shift q's z so that the rover just touches, and list its near contacts: gap (ROWS,), rows (ROWS, 6), owner (ROWS,)
     the wheel, or 6 for the belly. Only the shift when not `full`. Returns a code and how many."""
-    best, found, cuts = np.empty(FOUND_SIZE), np.empty((ROOM, FOUND_SIZE)), np.empty(12)
+    best, found, scratch = np.empty(PLACE_SIZE), np.empty((ROOM, PLACE_SIZE)), np.empty(SCRATCH)
     near = np.empty((NEAR_ROOM, NEAR_SIZE))
+    grid, _, meta = ground
     if not stand(rover, feet, x, y, cy, sy, q, axes, knees, wheels):
         return -1, 0
     count = 0
     least = math.inf
     for i in range(6):
         w = wheels[i]
-        code, kept = least_gap(grid, meta, w, 0.0, 0.0, -math.inf, best, found, cuts)
+        code, kept = least_gap(ground, w, 0.0, 1.0, 0.0, True, -math.inf, best, found, scratch)
         if code != FOUND:
             return code, 0
         least = min(least, best[GAP])
         if not full:
             continue
         low = best[GAP]
-        bp, bs = best[PHI], best[PLACE]
-        code, kept = least_gap(grid, meta, w, bp, bs, low + NEAR, best, found, cuts)
+        sine, cosine, place = best[SIN], best[COSINE], best[PLACE]
+        code, kept = least_gap(ground, w, sine, cosine, place, True, low + NEAR, best, found, scratch)
         first = count
         for k in range(-1, kept):
             if k < 0:
-                g, phi, s = low, bp, bs
+                g, sp, cp, s = low, sine, cosine, place
             else:
-                g, phi, s = found[k, GAP], found[k, PHI], found[k, PLACE]
-                twin = abs(phi - bp) * w[RADIUS] + abs(s - bs) < 1e-6
+                g, sp, cp, s = found[k, GAP], found[k, SIN], found[k, COSINE], found[k, PLACE]
+                twin = (abs(sp - sine) + abs(cp - cosine)) * w[RADIUS] + abs(s - place) < 1e-6
                 if twin:
                     continue
-            px, py, pz = rim_point(w, phi, s)
-            gx, gy = contact_slope(grid, meta, w, phi, s)
+            px, py, pz = tread_point(w, sp, cp, s)
+            gx, gy = contact_slope(grid, meta, w, sp, cp, s)
             slope_row(rover, q, cy, sy, axes, knees, i, w[HX] - x + px, w[HY] - y + py, w[HZ] - q[Z] + pz, gx, gy, rows[count])
             gap[count], owner[count] = g, i
             same = False
@@ -215,23 +214,23 @@ def touch_down(
 
 @njit
 def settle_equilibrium(
-    grid: Array, meta: Array, rover: Array, feet: Array, x: float, y: float, cy: float, sy: float, q: Array, report: Array
+    ground: Ground, rover: Array, feet: Array, x: float, y: float, cy: float, sy: float, q: Array, report: Array
 ) -> int:
     """Fill q (6,) with the pose at rest and report (R_SIZE,); nan when there is none. Returns a status code."""
     axes, knees, wheels = np.empty((3, 3)), np.empty((4, 3)), np.empty((6, WHEEL_SIZE))
     gap, rows, owner = np.empty(ROWS), np.empty((ROWS, 6)), np.empty(ROWS, np.int64)
     n, b, force = np.empty((CONSTRAINTS, 6)), np.empty(CONSTRAINTS), np.zeros(CONSTRAINTS)
-    slope, trial, d, touch = np.empty(6), np.empty(6), np.empty(6), np.zeros((6, FOUND_SIZE))
+    slope, trial, d, touch = np.empty(6), np.empty(6), np.empty(6), np.zeros((6, PLACE_SIZE))
     bend, inverse, copy = np.zeros((6, 6)), np.empty((6, 6)), np.empty((6, 6))
     old_pull, pull, moved = np.empty(6), np.empty(6), np.empty(6)
     report[:] = math.nan
     # where six wheels touch within the stops, that is where to begin: most often it is the answer
-    code = settle_contact(grid, meta, rover, feet, x, y, cy, sy, q, touch)
+    code = settle_contact(ground, rover, feet, x, y, cy, sy, q, touch)
     if code == OFF_MAP or code == NO_DATA:
         return code
     if code != CONVERGED:
-        start_pose(grid, meta, rover, x, y, 0, q, touch)
-    code, count = touch_down(grid, meta, rover, feet, x, y, cy, sy, q, True, axes, knees, wheels, gap, rows, owner)
+        start_pose(ground, rover, x, y, 0, q, touch)
+    code, count = touch_down(ground, rover, feet, x, y, cy, sy, q, True, axes, knees, wheels, gap, rows, owner)
     if code != FOUND:
         q[:] = math.nan
         return NO_DATA if code == BLANK else (OFF_MAP if code > 0 else TIPPED)
@@ -285,7 +284,7 @@ def settle_equilibrium(
             old_pull[k] = slope[k]
             for j in range(count):
                 old_pull[k] -= force[j] * rows[j, k]
-        code, _ = touch_down(grid, meta, rover, feet, x, y, cy, sy, trial, False, axes, knees, wheels, gap, rows, owner)
+        code, _ = touch_down(ground, rover, feet, x, y, cy, sy, trial, False, axes, knees, wheels, gap, rows, owner)
         if code == FOUND:
             new = trial[Z] + centre_of_mass(rover, feet, trial, cy, sy, axes, knees, pull)
         if code != FOUND or not new < low_before - 1e-4 * promise + 1e-15:
@@ -294,7 +293,7 @@ def settle_equilibrium(
                 settled = promise < 1e-8
                 break
             # the pose stands as it was: list its contacts anew
-            code, count = touch_down(grid, meta, rover, feet, x, y, cy, sy, q, True, axes, knees, wheels, gap, rows, owner)
+            code, count = touch_down(ground, rover, feet, x, y, cy, sy, q, True, axes, knees, wheels, gap, rows, owner)
             height = q[Z] + centre_of_mass(rover, feet, q, cy, sy, axes, knees, slope)
             continue
         if low_before - new > 0.5 * promise and size > 0.9 * trust:
@@ -308,7 +307,7 @@ def settle_equilibrium(
         if max(abs(q[ROLL]), abs(q[PITCH])) > FALLEN:
             q[:] = math.nan
             return TIPPED
-        code, count = touch_down(grid, meta, rover, feet, x, y, cy, sy, q, True, axes, knees, wheels, gap, rows, owner)
+        code, count = touch_down(ground, rover, feet, x, y, cy, sy, q, True, axes, knees, wheels, gap, rows, owner)
         height = q[Z] + centre_of_mass(rover, feet, q, cy, sy, axes, knees, slope)
         for k in range(6):
             pull[k] = slope[k]

@@ -17,8 +17,9 @@ from .jit import inlined, njit, pnjit, prange
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-META_X, META_Y, META_Z, META_DX, META_DY, META_NX, META_NY, META_CUBIC = range(8)
-META_SIZE = 8
+# META_BEND: no second derivative of the ground along any level direction is greater; inf where it has ridges or holes.
+META_X, META_Y, META_Z, META_DX, META_DY, META_NX, META_NY, META_CUBIC, META_BEND = range(9)
+META_SIZE = 9
 
 
 @inlined

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .jit import inlined, njit
-from .tread import make_wheel
+from .wheel import make_wheel
 
 Array = NDArray[np.float64]
 

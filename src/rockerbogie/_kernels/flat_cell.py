@@ -1,0 +1,305 @@
+"""Where a tread comes nearest to one cell of bilinear ground.
+
+In a cell the ground is h = c0 + c1 X + c2 Y + c3 X Y, X and Y from the hub. The nearest place is inside the cell, where a
+twisted one is hollow along the axle; on its edges, where bilinear ground has its ridges; or on one of the tread's rims.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .jit import njit
+from .wheel import AX, AY, AZ, COS, EX, EY, GAP, HALF, HZ, RADIUS, TAN, UX, UY, UZ, VX, VY, note, tread_point
+
+Array = NDArray[np.float64]
+
+
+@njit
+def search_flat_cell(
+    w: Array, a: float, b: float, d: float, e: float, x0: float, y0: float, dx: float, dy: float,
+    c: Array, ends: Array, best: Array, keep: float, found: Array, count: int,
+) -> int:  # fmt: skip
+    """Note the local minima of the gap over the cell whose low corner is (x0, y0) from the hub; corners a b / d e."""
+    sx, sy, twist = (b - a) / dx, (d - a) / dy, (a - b - d + e) / (dx * dy)
+    c[3] = twist
+    c[1], c[2] = sx - twist * y0, sy - twist * x0
+    c[0] = a - sx * x0 - sy * y0 + twist * x0 * y0
+    x1, y1 = x0 + dx, y0 + dy
+    top = max(max(a, b), max(d, e))
+    half = w[HALF]
+    if half == 0.0:
+        return _rim(w, c, 0.0, x0, x1, y0, y1, top, ends, best, keep, found, count)
+    count = _edge(w, x0, y0, 1.0, 0.0, dx, a, sx, best, keep, found, count)
+    count = _edge(w, x0, y0, 0.0, 1.0, dy, a, sy, best, keep, found, count)
+    count = _edge(w, x0, y1, 1.0, 0.0, dx, d, (e - d) / dx, best, keep, found, count)
+    count = _edge(w, x1, y0, 0.0, 1.0, dy, b, (e - b) / dy, best, keep, found, count)
+    count = _inside(w, c, x0, x1, y0, y1, best, keep, found, count)
+    if w[HZ] - half * abs(w[AZ]) - top < max(best[GAP], keep):
+        # ground as high as the axle: the tread's upper side, hollow from below, may come nearest it over a corner
+        count = _inside_tread(w, -1.0, x0, y0, a, best, keep, found, count)
+        count = _inside_tread(w, -1.0, x1, y0, b, best, keep, found, count)
+        count = _inside_tread(w, -1.0, x0, y1, d, best, keep, found, count)
+        count = _inside_tread(w, -1.0, x1, y1, e, best, keep, found, count)
+    # a rim matters where it passes over the cell
+    middle = (x0 + 0.5 * dx) * w[VX] + (y0 + 0.5 * dy) * w[VY]
+    near = 0.5 * (dx * abs(w[VX]) + dy * abs(w[VY])) + w[RADIUS] * abs(w[AZ])
+    for side in range(2):
+        s = half if side == 0 else -half
+        if abs(s * w[COS] - middle) <= near:
+            count = _rim(w, c, s, x0, x1, y0, y1, top, ends, best, keep, found, count)
+    return count
+
+
+@njit
+def rim_over_cell(
+    w: Array, s: float, x0: float, x1: float, y0: float, y1: float, sign: float, ends: Array
+) -> int:  # fmt: skip
+    """Where the rim at s enters and leaves a cell: its lower half (sign 1) or upper one (-1), as unit vectors (sin φ, cos φ).
+
+    Fills ends (2 n, 2), from and to of each piece with φ growing, and returns n.
+    """
+    r = w[RADIUS]
+    n = 1
+    ends[0, 0], ends[0, 1] = -sign, 0.0
+    for axis in range(2):
+        a, k, shift = (w[EX], -w[UX], s * w[AX]) if axis == 0 else (w[EY], -w[UY], s * w[AY])
+        reach = a * a + k * k
+        for end in range(2):
+            line = ((x0 if end == 0 else x1) if axis == 0 else (y0 if end == 0 else y1)) - shift
+            line /= r  # a sin φ + k cos φ = line
+            rest = reach - line * line
+            if rest > 0.0:
+                root = math.sqrt(rest)
+                for branch in range(2):
+                    cosine = (k * line + root * (a if branch == 0 else -a)) / reach
+                    if cosine * sign > 0.0:
+                        sine = (a * line - root * (k if branch == 0 else -k)) / reach
+                        j = n
+                        while j > 1 and (ends[j - 1, 0] - sine) * sign > 0.0:
+                            ends[j, 0], ends[j, 1] = ends[j - 1, 0], ends[j - 1, 1]
+                            j -= 1
+                        ends[j, 0], ends[j, 1] = sine, cosine
+                        n += 1
+    ends[n, 0], ends[n, 1] = sign, 0.0
+    # keep the pieces whose middle lies in the cell
+    pieces = 0
+    ls, lc = ends[0, 0], ends[0, 1]
+    for i in range(n):
+        rs, rc = ends[i + 1, 0], ends[i + 1, 1]
+        ms, mc = middle(ls, lc, rs, rc, sign)
+        x, y, _ = tread_point(w, ms, mc, s)
+        if x0 <= x <= x1 and y0 <= y <= y1:
+            at = ENDS + 2 * pieces
+            ends[at, 0], ends[at, 1], ends[at + 1, 0], ends[at + 1, 1] = ls, lc, rs, rc
+            pieces += 1
+        ls, lc = rs, rc
+    return pieces
+
+
+ENDS = 10  # crossings of one half of a rim with four lines, and its two ends
+ENDS_SIZE = ENDS + 2 * (ENDS - 1)
+
+
+@njit
+def middle(ls: float, lc: float, rs: float, rc: float, sign: float) -> tuple[float, float]:
+    """The unit vector half way round from one to another, no more than half a turn apart."""
+    s, c = ls + rs, lc + rc
+    size = math.sqrt(s * s + c * c)
+    if size < 1e-9:
+        return 0.0, sign
+    return s / size, c / size
+
+
+@njit
+def _rim(
+    w: Array, c: Array, s: float, x0: float, x1: float, y0: float, y1: float, top: float,
+    ends: Array, best: Array, keep: float, found: Array, count: int,
+) -> int:  # fmt: skip
+    """Local minima of the rim at s over the cell.
+
+    Over u the rim's height above the ground is hollow, f_uu > 0, where (e3 z) - grad h · (e3 xy) exceeds what the twist can
+    take away. Where that cannot be said a piece may have two minima: it is quartered.
+    """
+    gx, gy = c[1] + 0.5 * c[3] * (y0 + y1), c[2] + 0.5 * c[3] * (x0 + x1)
+    hollow = w[UZ] - gx * w[UX] - gy * w[UY] > 3.5 * abs(c[3]) * w[RADIUS]
+    for half_turn in range(2):
+        sign = 1.0 if half_turn == 0 else -1.0
+        if sign < 0.0 and w[HZ] + s * w[AZ] - top >= max(best[GAP], keep):
+            break  # the rim's upper half stays above this ground
+        n = rim_over_cell(w, s, x0, x1, y0, y1, sign, ends)
+        for i in range(n):
+            ls, lc, rs, rc = ends[ENDS + 2 * i, 0], ends[ENDS + 2 * i, 1], ends[ENDS + 2 * i + 1, 0], ends[ENDS + 2 * i + 1, 1]
+            if sign < 0.0 or not hollow:
+                ms, mc = middle(ls, lc, rs, rc, sign)
+                ps, pc = middle(ls, lc, ms, mc, sign)
+                count = _arc(w, c, s, ls, lc, ps, pc, False, best, keep, found, count)
+                count = _arc(w, c, s, ps, pc, ms, mc, False, best, keep, found, count)
+                ps, pc = middle(ms, mc, rs, rc, sign)
+                count = _arc(w, c, s, ms, mc, ps, pc, False, best, keep, found, count)
+                count = _arc(w, c, s, ps, pc, rs, rc, False, best, keep, found, count)
+            else:
+                count = _arc(w, c, s, ls, lc, rs, rc, True, best, keep, found, count)
+    return count
+
+
+@njit
+def _along(w: Array, c: Array, s: float, sine: float, cosine: float) -> tuple[float, float, float]:
+    """f, f', f'' along the rim: its height over the cell's ground."""
+    r = w[RADIUS]
+    tx, ty, tz = r * (cosine * w[EX] + sine * w[UX]), r * (cosine * w[EY] + sine * w[UY]), r * sine * w[UZ]
+    nx, ny, nz = r * (-sine * w[EX] + cosine * w[UX]), r * (-sine * w[EY] + cosine * w[UY]), r * cosine * w[UZ]
+    x, y, z = s * w[AX] - nx, s * w[AY] - ny, w[HZ] + s * w[AZ] - nz
+    gx, gy = c[1] + c[3] * y, c[2] + c[3] * x
+    return z - c[0] - c[2] * y - gx * x, tz - gx * tx - gy * ty, nz - gx * nx - gy * ny - 2.0 * c[3] * tx * ty
+
+
+@njit
+def _arc(
+    w: Array,
+    c: Array,
+    s: float,
+    ls: float,
+    lc: float,
+    rs: float,
+    rc: float,
+    hollow: bool,
+    best: Array,
+    keep: float,
+    found: Array,
+    count: int,
+) -> int:
+    """The least place of a piece of the rim from (ls, lc) to (rs, rc), φ growing."""
+    fl, gl, _ = _along(w, c, s, ls, lc)
+    if gl >= 0.0:
+        count = note(best, fl, ls, lc, s, keep, found, count)
+        if hollow:
+            return count
+    fr, gr, _ = _along(w, c, s, rs, rc)
+    if gr <= 0.0:
+        return note(best, fr, rs, rc, s, keep, found, count)
+    if gl >= 0.0:
+        return count
+    reach = w[RADIUS] * (rs - ls)
+    if hollow and lc > 1e-6 and rc > 1e-6:  # it lies above its end tangents, and may be out of the question
+        ml, mr = gl / (w[RADIUS] * lc), gr / (w[RADIUS] * rc)
+        if fl + ml * (fr - fl - mr * reach) / (ml - mr) >= max(best[GAP], keep):
+            return count
+    # between, by Newton: turning by the angle whose tangent is the step keeps the vector a unit one without a sine
+    t = gl / (gl - gr)
+    sine, cosine = ls + t * (rs - ls), lc + t * (rc - lc)
+    size = math.sqrt(sine * sine + cosine * cosine)
+    if not size > 1e-3:
+        sine, cosine, size = 0.0, 1.0 if rs > ls else -1.0, 1.0
+    sine, cosine = sine / size, cosine / size
+    f = math.inf
+    for _ in range(60):
+        f, g, h = _along(w, c, s, sine, cosine)
+        if g < 0.0:
+            ls, lc = sine, cosine
+        else:
+            rs, rc = sine, cosine
+        step = -g / h if h > 0.0 else math.inf
+        if abs(step) < 1e-9:
+            break
+        size = math.sqrt(1.0 + step * step)
+        ns, nc = (sine + cosine * step) / size, (cosine - sine * step) / size
+        if not (ns * lc - nc * ls >= 0.0 and rs * nc - rc * ns >= 0.0 and step < 1e6):
+            ns, nc = middle(ls, lc, rs, rc, 1.0 if rs > ls else -1.0)
+            if abs(rs - ls) + abs(rc - lc) < 1e-14:
+                break
+        sine, cosine = ns, nc
+    return note(best, f, sine, cosine, s, keep, found, count)
+
+
+@njit
+def _edge(
+    w: Array, x: float, y: float, ex: float, ey: float, length: float, h0: float, rise: float,
+    best: Array, keep: float, found: Array, count: int,
+) -> int:  # fmt: skip
+    """Least of T - h on a straight ground edge from (x, y) along (ex, ey), its height h0 + rise t, inside the tread."""
+    r = w[RADIUS]
+    u0 = x * w[EX] + y * w[EY]
+    du, dv = ex * w[EX] + ey * w[EY], ex * w[VX] + ey * w[VY]
+    if abs(du) > 1e-12:
+        m = (rise - dv * w[TAN]) * w[COS] / du  # u / q where T runs along the edge as the ground does
+        t = (r * m / math.sqrt(1.0 + m * m) - u0) / du
+    else:
+        t = length if rise > dv * w[TAN] else 0.0
+    t = min(max(t, 0.0), length)
+    return _inside_tread(w, 1.0, x + t * ex, y + t * ey, h0 + rise * t, best, keep, found, count)
+
+
+@njit
+def _inside_tread(w: Array, sign: float, x: float, y: float, h: float, best: Array, keep: float, found: Array, count: int) -> int:
+    """Note the point of the tread's lower (sign 1) or upper side (-1) over (x, y), if there is one, above ground of height h."""
+    r = w[RADIUS]
+    u, v = x * w[EX] + y * w[EY], x * w[VX] + y * w[VY]
+    square = r * r - u * u
+    if square > 0.0:
+        q = sign * math.sqrt(square)
+        s = (v - q * w[AZ]) / w[COS]
+        if abs(s) <= w[HALF]:
+            return note(best, w[HZ] + v * w[TAN] - q / w[COS] - h, u / r, q / r, s, keep, found, count)
+    return count
+
+
+@njit
+def _inside(
+    w: Array, c: Array, x0: float, x1: float, y0: float, y1: float, best: Array, keep: float, found: Array, count: int
+) -> int:
+    """Least of T - h inside a twisted cell: along the axle the ground must be hollow from above, h_vv < 0."""
+    hvv = 2.0 * c[3] * w[VX] * w[VY]
+    if not hvv < -1e-9:
+        return count
+    r = w[RADIUS]
+    v0 = (w[TAN] - c[1] * w[VX] - c[2] * w[VY]) / hvv  # h_v = tan τ on the line v = v0 + v1 u
+    v1 = -c[3] * (w[EX] * w[VY] + w[EY] * w[VX]) / hvv
+    px, mx = w[EX] + v1 * w[VX], v0 * w[VX]
+    py, my = w[EY] + v1 * w[VY], v0 * w[VY]
+    low, high = -0.9999999 * r, 0.9999999 * r  # where that line crosses the cell
+    for axis in range(2):
+        p, m = (px, mx) if axis == 0 else (py, my)
+        e0, e1 = (x0, x1) if axis == 0 else (y0, y1)
+        if abs(p) < 1e-12:
+            if m < e0 or m > e1:
+                return count
+        else:
+            ta, tb = (e0 - m) / p, (e1 - m) / p
+            low, high = max(low, min(ta, tb)), min(high, max(ta, tb))
+    if low >= high:
+        return count
+    # along it T - h falls and rises by  u / (q cos τ) + k1 + 2 k2 u
+    k1 = v1 * w[TAN] - c[1] * px - c[2] * py - c[3] * (px * my + py * mx)
+    k2 = -c[3] * px * py
+    pieces = 1 if k2 * r > -0.25 else 8
+    a = low
+    ga = a / (math.sqrt(r * r - a * a) * w[COS]) + k1 + 2.0 * k2 * a
+    for k in range(pieces):
+        b = low + (high - low) * (k + 1) / pieces
+        gb = b / (math.sqrt(r * r - b * b) * w[COS]) + k1 + 2.0 * k2 * b
+        if ga < 0.0 <= gb:
+            left, right = a, b
+            u = a - ga * (b - a) / (gb - ga)
+            for _ in range(80):
+                q = math.sqrt(r * r - u * u)
+                g = u / (q * w[COS]) + k1 + 2.0 * k2 * u
+                slope = r * r / (q * q * q * w[COS]) + 2.0 * k2
+                if g < 0.0:
+                    left = u
+                else:
+                    right = u
+                new = u - g / slope if slope > 0.0 else math.nan
+                if not (left <= new <= right):
+                    new = 0.5 * (left + right)
+                done = abs(new - u) < 1e-12 * r
+                u = new
+                if done:
+                    break
+            x, y = px * u + mx, py * u + my
+            h = c[0] + c[1] * x + c[2] * y + c[3] * x * y
+            count = _inside_tread(w, 1.0, x, y, h, best, keep, found, count)
+        a, ga = b, gb
+    return count

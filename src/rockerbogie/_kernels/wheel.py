@@ -1,0 +1,124 @@
+"""One wheel's tread as a surface: its points, and what is kept of one that is near the ground.
+
+The tread is the rim of radius r swept along the axle a over ±b. With τ the axle's tilt, e1 the level direction in the
+wheel's plane and e3 its upward one, a point of it is
+
+    hub + s a + u e1 - q e3,   (u, q) = r (sin φ, cos φ),  |s| ≤ b,
+
+and over a level place (u along e1, v along the axle's level direction) its lower half stands at
+
+    T(u, v) = z_hub + v tan τ - sqrt(r² - u²) / cos τ,   where  v = s cos τ + q sin τ.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .ground import META_CUBIC, surface
+from .jit import inlined, njit
+
+Array = NDArray[np.float64]
+
+# A wheel in one flat array: hub, axle, e1, e3, cos τ, tan τ, radius, half width, the axle's level direction, the axle frame's z.
+HX, HY, HZ, AX, AY, AZ, EX, EY, UX, UY, UZ, COS, TAN, RADIUS, HALF, VX, VY, ZX, ZY, ZZ = range(20)
+WHEEL_SIZE = 20
+
+# A place on the tread: its gap to the ground, sin φ, cos φ, s.
+GAP, SIN, COSINE, PLACE = range(4)
+PLACE_SIZE = 4
+
+FLAT = 0.05  # cos τ below which a wheel lies on its side: no contact is sought
+
+
+@njit
+def make_wheel(
+    wheel: Array,
+    x: float,
+    y: float,
+    z: float,
+    ax: float,
+    ay: float,
+    az: float,
+    zx: float,
+    zy: float,
+    zz: float,
+    radius: float,
+    half: float,
+) -> bool:
+    """Fill `wheel` (WHEEL_SIZE,) from its hub, its axle and the axle frame's z; false when it lies on its side."""
+    level = math.sqrt(ax * ax + ay * ay)
+    if not level > FLAT:
+        return False
+    vx, vy = ax / level, ay / level
+    wheel[HX], wheel[HY], wheel[HZ] = x, y, z
+    wheel[AX], wheel[AY], wheel[AZ] = ax, ay, az
+    wheel[VX], wheel[VY] = vx, vy
+    wheel[EX], wheel[EY] = vy, -vx
+    wheel[UX], wheel[UY], wheel[UZ] = -az * vx, -az * vy, level
+    wheel[COS], wheel[TAN] = level, az / level
+    wheel[ZX], wheel[ZY], wheel[ZZ] = zx, zy, zz
+    wheel[RADIUS], wheel[HALF] = radius, half
+    return True
+
+
+@inlined
+def tread_point(w: Array, sine: float, cosine: float, s: float) -> tuple[float, float, float]:
+    """Offset from the hub of the tread's point (φ, s)."""
+    u, q = w[RADIUS] * sine, w[RADIUS] * cosine
+    return s * w[AX] + u * w[EX] - q * w[UX], s * w[AY] + u * w[EY] - q * w[UY], s * w[AZ] - q * w[UZ]
+
+
+@njit
+def gap_at(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s: float) -> float:
+    """Height of the tread's point (φ, s) over the ground."""
+    x, y, z = tread_point(w, sine, cosine, s)
+    return w[HZ] + z - surface(grid, meta, w[HX] + x, w[HY] + y)[0]
+
+
+@inlined
+def note(best: Array, gap: float, sine: float, cosine: float, s: float, keep: float, found: Array, count: int) -> int:
+    """Hold a place as the best if it is, and keep it if its gap is below `keep`. Returns how many are kept."""
+    if gap < best[GAP] - 1e-13:  # not for a rounding error: a contact does not jump between places that tie
+        best[GAP], best[SIN], best[COSINE], best[PLACE] = gap, sine, cosine, s
+    if gap <= keep and count < found.shape[0]:
+        found[count, GAP], found[count, SIN], found[count, COSINE], found[count, PLACE] = gap, sine, cosine, s
+        count += 1
+    return count
+
+
+@njit
+def contact_slope(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s: float) -> tuple[float, float]:
+    """(gx, gy) with (-gx, -gy, 1) normal to the contact at (φ, s): the gap's slope under small motions of the wheel.
+
+    Inside the tread that is the tread's own normal; on a rim it is the ground's, and on a ridge of the ground the one
+    between its two sides' that is square to the rim.
+    """
+    if abs(s) < w[HALF] and cosine > 1e-6:
+        nx, ny, nz = -sine * w[EX] + cosine * w[UX], -sine * w[EY] + cosine * w[UY], cosine * w[UZ]
+        return -nx / nz, -ny / nz
+    x, y, _ = tread_point(w, sine, cosine, s)
+    if meta[META_CUBIC] != 0.0:
+        _, ax, ay, _, _, _ = surface(grid, meta, w[HX] + x, w[HY] + y)
+        return ax, ay
+    tx, ty, tz = cosine * w[EX] + sine * w[UX], cosine * w[EY] + sine * w[UY], sine * w[UZ]
+    step = 1e-8 * w[RADIUS]
+    _, ax, ay, _, _, _ = surface(grid, meta, w[HX] + x - step * tx, w[HY] + y - step * ty)
+    _, bx, by, _, _, _ = surface(grid, meta, w[HX] + x + step * tx, w[HY] + y + step * ty)
+    ga, gb = tz - ax * tx - ay * ty, tz - bx * tx - by * ty
+    part = ga / (ga - gb) if abs(ga - gb) > 1e-6 else 0.5
+    part = min(max(part, 0.0), 1.0)
+    return ax + part * (bx - ax), ay + part * (by - ay)
+
+
+@njit
+def contact_angle(w: Array, sine: float, cosine: float, s: float) -> float:
+    """The paper's δ (eq. 5) of the tread's point (φ, s): from straight below the axle in the link, nose-down positive."""
+    px, py, pz = tread_point(w, sine, cosine, s)
+    px, py, pz = px - s * w[AX], py - s * w[AY], pz - s * w[AZ]
+    # the axle frame's z, and x = y × z
+    zx, zy, zz = w[ZX], w[ZY], w[ZZ]
+    xx, xy, xz = w[AY] * zz - w[AZ] * zy, w[AZ] * zx - w[AX] * zz, w[AX] * zy - w[AY] * zx
+    return math.atan2(-(px * xx + py * xy + pz * xz), -(px * zx + py * zy + pz * zz))
