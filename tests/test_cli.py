@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from helpers import assert_close
 from matplotlib.image import imread
 
 import rockerbogie as rb
+from helpers import assert_close
 from rockerbogie.cli import COMMANDS, main
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
@@ -177,7 +177,10 @@ def test_drive_writes_what_it_says(tmp_path: Path, capsys: pytest.CaptureFixture
         assert run.sizes["time"] == record["stations"] == len((tmp_path / "run.csv").read_text().splitlines()) - 1
         assert_close(record["extremes"]["pitch"]["max"], float(run["pitch"].max()), 1e-12, "rad", "the summary is of this run")
     again = rb.drive(
-        rb.load_rover("elhami-dashti"), rb.surfaces.paper(interpolation="linear"), rb.Path.waypoints([(0, 0), (2, 0), (3, 0.2)]), step=0.02
+        rb.load_rover("elhami-dashti"),
+        rb.surfaces.paper(interpolation="linear"),
+        rb.Path.waypoints([(0, 0), (2, 0), (3, 0.2)]),
+        step=0.02,
     )
     assert_close(record["extremes"]["pitch"]["max"], float(again["pitch"].max()), 1e-12, "rad", "--linear is linear ground")
     assert "pitch" in answer(capsys, *argv[:-2])
@@ -191,7 +194,10 @@ def test_drive_goes_over_the_middle_by_itself(capsys: pytest.CaptureFixture[str]
 
 @pytest.mark.parametrize(
     ("file", "path"),
-    [("marsyard2021/marsyard_terrain_hm.tif", "-12,-10 -2,-4 10,-8 12,6"), ("gale/missionDEM.tif", "8142500,-276700 8142560,-276620")],
+    [
+        ("marsyard2021/marsyard_terrain_hm.tif", "-12,-10 -2,-4 10,-8 12,6"),
+        ("gale/missionDEM.tif", "8142500,-276700 8142560,-276620"),
+    ],
 )
 def test_drive_over_real_ground(
     file: str, path: str, data: Callable[[str], Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -217,7 +223,8 @@ def run(*argv: str, **more: object) -> subprocess.CompletedProcess[str]:
 def test_help_and_version_load_nothing_heavy() -> None:
     heavy = "('numpy', 'numba', 'scipy', 'xarray', 'matplotlib', 'mujoco', 'rasterio')"
     for argument in ("--help", "--version"):
-        code = f"import sys; from rockerbogie.cli import main; c = main(['{argument}']); print([m for m in {heavy} if m in sys.modules]); sys.exit(c)"
+        loaded = f"print([m for m in {heavy} if m in sys.modules])"
+        code = f"import sys; from rockerbogie.cli import main; c = main(['{argument}']); {loaded}; sys.exit(c)"
         done = run(code)
         assert done.returncode == 0
         assert done.stdout.splitlines()[-1] == "[]"
@@ -225,7 +232,8 @@ def test_help_and_version_load_nothing_heavy() -> None:
 
 
 def test_interrupted_without_a_traceback() -> None:
-    code = "import sys, time; from rockerbogie import cli; cli._run = lambda argv: (print('on', flush=True), time.sleep(30)); sys.exit(cli.main([]))"
+    work = "cli._run = lambda argv: (print('on', flush=True), time.sleep(30))"
+    code = f"import sys, time; from rockerbogie import cli; {work}; sys.exit(cli.main([]))"
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
         assert child.stdout is not None
         assert child.stdout.readline() == "on\n"
@@ -244,7 +252,12 @@ def test_reader_that_leaves() -> None:
         read, write = os.pipe()
         os.close(read)
         done = subprocess.run(
-            [sys.executable, "-c", code.replace("100000", size)], stdout=write, stderr=subprocess.PIPE, text=True, timeout=60, check=False
+            [sys.executable, "-c", code.replace("100000", size)],
+            stdout=write,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=60,
+            check=False,
         )
         os.close(write)
         assert (done.returncode, done.stderr) == (0, "")

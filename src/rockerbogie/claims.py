@@ -148,7 +148,8 @@ def _left_bogie_harmonic(c: Crossing) -> Claim:
         "The left bogie's angle is a harmonic curve on the hill.",
         explained > HARMONIC,
         f"With all three left wheels on the hill (X = {c.x[on][0]:.3f} to {c.x[on][-1]:.3f} m), one harmonic of the hill's "
-        f"length, amplitude {np.hypot(*fit[1:]):.2f}°, explains {100 * explained:.2f} % of the variance; {left.std():.2f}° RMS remain.",
+        f"length, amplitude {np.hypot(*fit[1:]):.2f}°, explains {100 * explained:.2f} % of the variance; "
+        f"{left.std():.2f}° RMS are left.",
     )
 
 

@@ -113,14 +113,14 @@ def _claims_table(claims: Sequence[tuple[Claim, Claim]]) -> str:
         because = model.because if model.holds == sim.holds else f"{model.because} In the simulation: {sim.because}"
         rows.append(
             f"<tr><td>{model.figure}</td><td><strong>{escape(model.says)}</strong><br>"
-            f"<span class=because>{escape(because)}</span></td><td>{_truth(model)}</td><td>{_truth(sim)}</td></tr>"
+            f"<span class=because>{escape(because)}</span></td><td>{_truth('model', model)} {_truth('simulation', sim)}</td></tr>"
         )
-    heads = "".join(f"<th scope=col>{h}</th>" for h in ("fig.", "statement, and what decides it", "model", "simulation"))
+    heads = "".join(f"<th scope=col>{h}</th>" for h in ("fig.", "statement, and what decides it", "borne out"))
     return f"<div class=wide><table class=claims><thead><tr>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
 
 
-def _truth(claim: Claim) -> str:
-    return _badge(claim.holds, "true" if claim.holds else "not true")
+def _truth(of: str, claim: Claim) -> str:
+    return _badge(claim.holds, f"{of}: {'true' if claim.holds else 'not true'}")
 
 
 def _badge(good: bool, text: str) -> str:
@@ -150,7 +150,7 @@ th, td { text-align: left; padding: .4rem .7rem .4rem 0; border-bottom: 1px soli
 thead th { color: #555; font-weight: 600; border-bottom: 1px solid #bbb; }
 .numbers td { font-variant-numeric: tabular-nums; white-space: nowrap; }
 .because { color: #555; }
-.claims td:nth-child(2) { min-width: 16rem; }
+.claims td:last-child { width: 11rem; }
 .badge { display: inline-block; white-space: nowrap; border-radius: .8rem; padding: .05rem .6rem; font-size: .88rem; }
 .verdict .badge { margin: .1rem .4rem .1rem 0; font-size: .98rem; padding: .15rem .8rem; }
 .good { background: #e3f1ea; color: #0b5b3b; }
@@ -162,6 +162,11 @@ a { color: #0a5a91; }
 @media (max-width: 34rem) {
   body { padding: 1rem .8rem 3rem; }
   h1 { font-size: 1.4rem; }
+  .claims thead { display: none; }
+  .claims tr, .claims td { display: block; border: 0; padding: .1rem 0; }
+  .claims tr { border-bottom: 1px solid #e6e6e6; padding: .7rem 0; }
+  .claims td:first-child::before { content: "Figure "; }
+  .claims td:last-child { width: auto; }
   dl { grid-template-columns: 1fr; }
   dd { margin-bottom: .5rem; }
 }

@@ -11,12 +11,14 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from ..compare import compare, settle_along
 from ..drive import drive as drive_rover
 from ..drive import to_csv
 from ..errors import PathError, RockerbogieError
 from ..formats import load_rover
 from ..path import Path
 from ..rover import Rover
+from ..simulate import simulate as simulate_rover
 from ..status import MEANING, Status
 from ..terrain import Terrain
 from .common import (
@@ -89,7 +91,9 @@ def drive(
     if json:
         print_json(summary | {"files": files})
     else:
-        _print_summary(machine, summary, files)
+        _print_summary(machine, summary)
+        for file in files:
+            print(file)
 
 
 def simulate(
@@ -107,7 +111,8 @@ def simulate(
     """The same drive in MuJoCo's rigid-body dynamics, compared with ours.
 
     Six driven wheels, gravity and friction on the same ground. Prints how far the kinematic model is from it at equal place
-    and heading. With -o it writes map.png, profile.png, worst.png, simulation.nc and simulation.csv.
+    and heading. With -o it writes attitude.png and joints.png (both side by side), map.png, profile.png, worst.png,
+    simulation.nc and simulation.csv.
 
     Parameters
     ----------
@@ -130,7 +135,31 @@ def simulate(
     json
         Print the comparison as JSON (SI units, radians) in place of the table.
     """
-    raise NotImplementedError
+    machine = load_rover(rover)
+    ground = load_terrain(terrain, linear)
+    way = _path(path, radius, machine, ground)
+    run = _on_the_map(drive_rover(machine, ground, way, speed), ground)
+    with progress() as bar:
+        task = bar.add_task("simulating", total=1.0)
+        sim = simulate_rover(
+            machine, ground, way, speed, friction=friction, progress=lambda share: bar.update(task, completed=share)
+        )
+    beside = settle_along(machine, ground, sim)
+    comparison = compare(beside, sim)
+    files = _write_run(machine, ground, sim, output, "simulation")
+    if output is not None:
+        from ..figures.paper import angles_figure, figures_7_to_9
+
+        drawn = figures_7_to_9(machine)
+        for name, figure in (("attitude.png", "figure7"), ("joints.png", "figure8")):
+            angles_figure(*drawn[figure], run, sim, beside, {}).savefig(output / name)
+            files.append(output / name)
+    summary = _summary(sim)
+    if json:
+        print_json(summary | {"difference": comparison.to_dict(), "files": files})
+    else:
+        _print_summary(machine, summary)
+        print(comparison, *files, sep="\n")
 
 
 def _path(text: str | None, radius: float, rover: Rover, terrain: Terrain) -> Path:
@@ -209,7 +238,7 @@ def _summary(run: xr.Dataset) -> dict[str, Any]:
     }
 
 
-def _print_summary(rover: Rover, summary: dict[str, Any], files: list[FilePath]) -> None:
+def _print_summary(rover: Rover, summary: dict[str, Any]) -> None:
     console = Console(highlight=False)
     console.print(f"[bold]{summary['rover']}[/] on [bold]{summary['terrain']}[/]: {summary['path']}")
     settled = summary["status"].get(Status.CONVERGED.name, 0)
@@ -228,5 +257,3 @@ def _print_summary(rover: Rover, summary: dict[str, Any], files: list[FilePath])
         between = f"{np.degrees(limits[0]):+.3g}°, {np.degrees(limits[1]):+.3g}°" if known and limits is not None else ""
         table.add_row(name.replace("_", " "), low, f"{found['min_at']:.2f} m", high, f"{found['max_at']:.2f} m", between)
     console.print(table)
-    for file in files:
-        print(file)

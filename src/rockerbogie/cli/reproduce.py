@@ -48,7 +48,7 @@ def reproduce(*, output: Annotated[Path, Parameter(name=["--output", "-o"])], js
         )
     else:
         console = Console(highlight=False)
-        print_errors(console, made.errors)
+        _print_errors(console, made.errors)
         for model, simulated in made.claims:
             verdict = ["true" if claim.holds else "not true" for claim in (model, simulated)]
             console.print(f"figure {model.figure}: {model.says} [bold]{verdict[0]}[/] (simulation: {verdict[1]})")
@@ -56,14 +56,13 @@ def reproduce(*, output: Annotated[Path, Parameter(name=["--output", "-o"])], js
     return 0 if made.close else EXIT_NOT_CLOSE
 
 
-def print_errors(console: Console, errors: list[ErrorRow]) -> None:
+def _print_errors(console: Console, errors: list[ErrorRow]) -> None:
     """Model against simulation, a row a channel."""
     table = Table(box=box.SIMPLE, padding=(0, 1), title="model against simulation, at equal x, y, yaw", title_justify="left")
     for head in ("", "RMS", "limit", "worst", "limit", "", ""):
         table.add_column(head, justify="right" if head else "left")
     for row in errors:
         limits = ["" if limit is None else f"{limit:g}" for limit in (row.rms_limit, row.worst_limit)]
-        known = row.rms_limit is not None
-        verdict = ("within" if row.within else "[bold]beyond[/]") if known else ""
+        verdict = "within" if row.within else "[bold]beyond[/]"
         table.add_row(row.channel, f"{row.rms:.4f}", limits[0], f"{row.worst:.4f}", limits[1], row.unit, verdict)
     console.print(table)

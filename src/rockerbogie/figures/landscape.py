@@ -36,9 +36,7 @@ def ground_mesh(
     return Mesh.join([top, *walls])
 
 
-def sample_ground(
-    terrain: Terrain, bounds: tuple[float, float, float, float], cells: int = CELLS
-) -> tuple[Array, Array, Array]:
+def sample_ground(terrain: Terrain, bounds: tuple[float, float, float, float], cells: int = CELLS) -> tuple[Array, Array, Array]:
     """Columns x, rows y and heights (rows, cols) that show the ground within bounds, m; nan where it is not known."""
     xmin, ymin, xmax, ymax = bounds
     step = max(xmax - xmin, ymax - ymin) / cells

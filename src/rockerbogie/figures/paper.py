@@ -109,11 +109,12 @@ def tracks(terrain: Terrain, run: xr.Dataset) -> list[Mesh]:
 
 
 def angles_figure(
-    title: str, curves: Sequence[Curve], run: xr.Dataset, sim: xr.Dataset, difference: xr.Dataset, marks: Mapping[str, float]
+    title: str, curves: Sequence[Curve], run: xr.Dataset, sim: xr.Dataset, beside: xr.Dataset, marks: Mapping[str, float]
 ) -> Figure:
-    """Kinematic model and rigid-body simulation side by side, and their difference below; deg over the way gone.
+    """Kinematic model and rigid-body simulation side by side, and their difference below; deg over the distance.
 
-    `difference` is model minus simulation at equal place and heading. `marks` are places worth a line: label → x, m.
+    `beside` is the model at the simulation's own places (`settle_along`), from which the difference is taken. `marks` are
+    places worth a line: label → distance, m.
     """
     with look():
         fig = figure(9.6, 6.2)
@@ -124,21 +125,21 @@ def angles_figure(
         below = fig.add_subplot(grid[1, :], sharex=first)
         for ax, data, name in ((first, run, "(a) kinematic model"), (second, sim, "(b) rigid-body simulation (MuJoCo)")):
             for curve in curves:
-                ax.plot(data["x"], curve.degrees(data), color=curve.colour, label=curve.label)
+                ax.plot(data["distance"], curve.degrees(data), color=curve.colour, label=curve.label)
             ax.set_title(name)
             _mark(ax, marks, labelled=True)
         first.set_ylabel("angle (deg)")
         second.tick_params(labelleft=False)
         for curve in curves:
-            gap = curve.degrees(difference)
+            gap = curve.degrees(beside) - curve.degrees(sim)
             rms, worst = np.sqrt(np.nanmean(gap**2)), np.nanmax(np.abs(gap))
             label = f"{curve.label}: RMS {rms:.4f}°, worst {worst:.3f}°"
-            below.plot(difference["x"], gap, color=curve.colour, lw=1.0, label=label)
-        below.set_title("(a) − (b)")
+            below.plot(sim["distance"], gap, color=curve.colour, lw=1.0, label=label)
+        below.set_title("(a) − (b) at equal place and heading")
         below.set_ylabel("difference (deg)")
         _mark(below, marks, labelled=False)
         for ax in (first, second, below):
-            ax.set_xlabel("way of the reference point X (m)")
+            ax.set_xlabel("distance along the path (m)")
             ax.axhline(0, color="#999999", lw=0.8, zorder=1)
         fig.suptitle(title, x=0.01, ha="left", fontsize=13, fontweight="bold")
         fig.legend(*first.get_legend_handles_labels(), loc="outside upper right", ncols=len(curves))
