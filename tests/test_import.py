@@ -65,7 +65,7 @@ def test_type_checkers_see_the_same_names() -> None:
     assert seen == rb._EXPORTS
 
 
-@pytest.mark.parametrize("name", ["settle", "drive", "simulate"])
+@pytest.mark.parametrize("name", ["settle", "drive", "simulate", "compare", "odometry"])
 def test_a_verb_stays_the_function_when_its_module_is_imported_first(name: str) -> None:
     code = f"import rockerbogie.{name}; from rockerbogie import {name}; assert callable({name}), {name}"
     subprocess.run([sys.executable, "-c", code], check=True)
