@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._kernels import jacobians as kernel
+from ._kernels.jit import spread
 from .errors import RockerbogieError
 from .frames import check_steering, contact_frames, joint_angles, wheel_frames
 from .rover import Rover
@@ -63,6 +64,7 @@ class SimpleStance:
     steering: Array
     roll: Array | float = 0.0
     pitch: Array | float = 0.0
+    normal: Array | None = None  # (..., 6, 3) of the ground in the body frame, where it is thought to be other than the rim's
 
 
 def stance_angles(rover: Rover, pose: Stance, steering: ArrayLike | None) -> tuple[Array, Array, Array, Array]:
@@ -99,7 +101,7 @@ def wheel_jacobians(rover: Rover, pose: Stance, steering: ArrayLike | None = Non
     q, b, s, delta = stance_angles(rover, pose, steering)
     J = np.zeros((q.size, 6, 6, 9))
     flat = [np.ascontiguousarray(a.reshape(q.size, *a.shape[q.ndim :])) for a in (q, b, s, delta)]
-    kernel.wheel_jacobians_batch(rover.packed, flat[0], flat[1], flat[2], flat[3], J)
+    spread(kernel.wheel_jacobians_batch, q.size, rover.packed, *flat, J)
     J[:, ~rover.steers, :, kernel.STEERING] = 0.0
     return J.reshape(*q.shape, 6, 6, 9)
 
@@ -134,7 +136,9 @@ def contact_rows(rover: Rover, pose: Stance, steering: ArrayLike | None = None) 
     axle = wheel_frames(rover, q, b, turn)
     contact = contact_frames(rover, axle, delta)
     normal, aside = contact[..., :3, 2], np.zeros((*q.shape, 6, 1))
-    if hasattr(pose, "contact_normal"):
+    if isinstance(pose, SimpleStance):
+        normal = normal if pose.normal is None else pose.normal
+    elif hasattr(pose, "contact_normal"):
         R, p = pose.T_world_body[..., None, :3, :3], pose.T_world_body[..., None, :3, 3]  # type: ignore[attr-defined]
         normal = np.einsum("...ji,...j->...i", R, pose.contact_normal)
         point = np.einsum("...ji,...j->...i", R, pose.contact_point - p)  # type: ignore[attr-defined]
@@ -146,10 +150,10 @@ def contact_rows(rover: Rover, pose: Stance, steering: ArrayLike | None = None) 
         contact = contact_frames(rover, axle, delta)
     x, y = contact[..., :3, 0], axle[..., :3, 1]
     middle = contact[..., :3, 3]
-    z = normal - (normal * x).sum(axis=-1, keepdims=True) * x
-    z = z / np.linalg.norm(z, axis=-1, keepdims=True)
+    side = np.cross(normal, x)
+    side = side / np.linalg.norm(side, axis=-1, keepdims=True)
     rows = np.zeros((*delta.shape, 5, 10))
-    for row, (point, along) in enumerate(((middle, x), (middle, np.cross(z, x)), (middle + aside * y, z))):
+    for row, (point, along) in enumerate(((middle, x), (middle, side), (middle + aside * y, normal))):
         rows[..., row, :3] = along
         rows[..., row, 3:6] = np.cross(point, along)
     rows[..., 3, 3:6] = contact[..., :3, 2]

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._kernels import batch, equilibrium
+from ._kernels.jit import spread
 from .errors import RockerbogieError
 from .frames import body_transform
 from .rover import Rover
@@ -100,7 +101,9 @@ class Pose:
         n = self.status.size
         gap, angle, point, normal = (np.empty((n, 6, *tail)) for tail in ((), (), (3,), (3,)))
         count = np.empty((n, 6), dtype=np.int64)
-        batch.touch_batch(
+        spread(
+            batch.touch_batch,
+            n,
             self.terrain.packed, self.rover.packed, *self._flat_places(), self._flat_steering(),
             np.ascontiguousarray(self.q.reshape(n, 6)), TOUCHING, gap, angle, point, normal, count,
         )  # fmt: skip
@@ -165,7 +168,9 @@ class Pose:
         """(...) least height of the body's box over the ground, m; nan past the map's rim."""
         n = self.status.size
         out = np.empty(n)
-        batch.clearance_batch(
+        spread(
+            batch.clearance_batch,
+            n,
             self.terrain.packed,
             self.rover.packed,
             *self._flat_places(),

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ._kernels import batch, equilibrium
+from ._kernels.jit import spread
 from .errors import RockerbogieError
 from .frames import check_steering
 from .pose import Pose
@@ -44,8 +45,13 @@ def settle(
     Raises:
         RockerbogieError: x, y or yaw not finite or not broadcastable, steering that does not fit the rover.
     """
-    places = [np.asarray(a, dtype=float) for a in (x, y, yaw)]
-    for name, place in zip(("x", "y", "yaw"), places, strict=True):
+    places = []
+    for name, value in (("x", x), ("y", y), ("yaw", yaw)):
+        try:
+            place = np.asarray(value, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise RockerbogieError(f"{name} is not a number or an array of numbers: {error}") from error
+        places.append(place)
         bad = ~np.isfinite(place)
         if bad.any():
             raise RockerbogieError(
@@ -65,16 +71,16 @@ def settle(
     q = np.empty((n, 6))
     status = np.empty(n, dtype=np.uint8)
     report = np.empty((n, equilibrium.R_SIZE)) if mode == "equilibrium" else None
-    one_steering = turn.ndim == 1 or all(step == 0 for step in turn.strides[:-1])
+    one_steering = all(step == 0 for step in turn.strides[:-1])
+    turns = turn[(0,) * (turn.ndim - 1)].reshape(1, 6) if one_steering else turn.reshape(-1, 6)
     for start in range(0, n, CHUNK):
         part = slice(start, min(start + CHUNK, n))
-        chosen = turn[(0,) * (turn.ndim - 1)].reshape(1, 6) if one_steering else turn.reshape(-1, 6)[part]
-        spots = (px.flat[part], py.flat[part], heading.flat[part], np.ascontiguousarray(chosen))
+        spots = (px.flat[part], py.flat[part], heading.flat[part], np.ascontiguousarray(turns if one_steering else turns[part]))
         given = (terrain.packed, rover.packed, *spots)
         if report is None:
-            batch.settle_batch(*given, q[part], status[part])
+            spread(batch.settle_batch, len(status[part]), *given, q[part], status[part])
         else:
-            batch.rest_batch(*given, q[part], status[part], report[part])
+            spread(batch.rest_batch, len(status[part]), *given, q[part], status[part], report[part])
     if report is not None:
         report = report.reshape(*shape, equilibrium.R_SIZE)
     return Pose(rover, terrain, px, py, heading, turn, q.reshape(*shape, 6), status.reshape(shape), report)

@@ -10,13 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._kernels import ground
+from ._kernels.jit import spread
 from .errors import TerrainError
 
 Array = NDArray[np.float64]
 Interpolation = Literal["cubic", "linear"]
-
-#: Fewer points than this are one thread's work: waking the others takes longer, on a busy machine by milliseconds.
-FEW = 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,8 +159,7 @@ class Terrain:
     def _surface(self, x: ArrayLike, y: ArrayLike) -> Array:
         px, py = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
         out = np.empty((px.size, 3))
-        kernel = ground.surface_few if px.size < FEW else ground.surface_batch
-        kernel(self.grid, self.meta, px.ravel(), py.ravel(), out)
+        spread(ground.surface_batch, px.size, self.grid, self.meta, px.ravel(), py.ravel(), out)
         return out.reshape(*px.shape, 3)
 
 

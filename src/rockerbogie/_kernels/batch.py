@@ -1,4 +1,4 @@
-"""The parallel loops over a batch of poses: settle them, and say how their wheels touch."""
+"""The loops over a batch of poses: settle them, and say how their wheels touch. Each does items start..stop (`jit.spread`)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from .contact import settle_contact
 from .equilibrium import settle_equilibrium
 from .ground import META_X, META_Y, META_Z
-from .jit import pnjit, prange
+from .jit import njit
 from .linkage import P_BOX, PITCH, ROLL, Z, body_axes, stand, stand_feet
 from .tread import FOUND, ROOM, SCRATCH, Ground, least_gap, patches
 from .underside import NEAR_ROOM, NEAR_SIZE, box_over_ground, least_clearance
@@ -32,21 +32,30 @@ from .wheel import (
 Array = NDArray[np.float64]
 
 
-@pnjit
+@njit
 def settle_batch(
-    ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, out: Array, status: NDArray[np.uint8]
+    ground: Ground,
+    rover: Array,
+    x: Array,
+    y: Array,
+    yaw: Array,
+    steering: Array,
+    out: Array,
+    status: NDArray[np.uint8],
+    start: int,
+    stop: int,
 ) -> None:
     """Contact mode. x, y, yaw (n,), steering (n, 6) or (1, 6); fills out (n, 6) as linkage's q, and status (n,)."""
     meta = ground[2]
-    for k in prange(x.size):
+    for k in range(start, stop):
         feet, touch = np.empty((6, 5)), np.empty((6, PLACE_SIZE))
-        stand_feet(rover, steering[np.int64(k) if steering.shape[0] > 1 else 0], feet)
+        stand_feet(rover, steering[k if steering.shape[0] > 1 else 0], feet)
         px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
         status[k] = settle_contact(ground, rover, feet, px, py, math.cos(yaw[k]), math.sin(yaw[k]), out[k], touch)
         out[k, Z] += meta[META_Z]
 
 
-@pnjit
+@njit
 def rest_batch(
     ground: Ground,
     rover: Array,
@@ -57,26 +66,30 @@ def rest_batch(
     out: Array,
     status: NDArray[np.uint8],
     report: Array,
+    start: int,
+    stop: int,
 ) -> None:
     """Equilibrium mode. As `settle_batch`; report (n, equilibrium.R_SIZE) too."""
     meta = ground[2]
-    for k in prange(x.size):
+    for k in range(start, stop):
         feet = np.empty((6, 5))
-        stand_feet(rover, steering[np.int64(k) if steering.shape[0] > 1 else 0], feet)
+        stand_feet(rover, steering[k if steering.shape[0] > 1 else 0], feet)
         px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
         status[k] = settle_equilibrium(ground, rover, feet, px, py, math.cos(yaw[k]), math.sin(yaw[k]), out[k], report[k])
         out[k, Z] += meta[META_Z]
 
 
-@pnjit
+@njit
 def touch_batch(
     ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, q: Array, keep: float,
     gap: Array, angle: Array, point: Array, normal: Array, count: NDArray[np.int64],
+    start: int,
+    stop: int,
 ) -> None:  # fmt: skip
     """How each wheel touches at given poses q (n, 6): gap, contact angle (n, 6), point, normal (n, 6, 3) in the world,
     and how many separate places of its tread are within `keep` of the ground (n, 6)."""
     grid, _, meta = ground
-    for k in prange(x.size):
+    for k in range(start, stop):
         feet, axes, knees, wheels = np.empty((6, 5)), np.empty((3, 3)), np.empty((4, 3)), np.empty((6, WHEEL_SIZE))
         best, found, scratch, local = np.empty(PLACE_SIZE), np.empty((ROOM, PLACE_SIZE)), np.empty(SCRATCH), q[k].copy()
         gap[k] = angle[k] = math.nan
@@ -85,7 +98,7 @@ def touch_batch(
         local[Z] -= meta[META_Z]
         if math.isnan(local[Z]):
             continue
-        stand_feet(rover, steering[np.int64(k) if steering.shape[0] > 1 else 0], feet)
+        stand_feet(rover, steering[k if steering.shape[0] > 1 else 0], feet)
         px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
         if not stand(rover, feet, px, py, math.cos(yaw[k]), math.sin(yaw[k]), local, axes, knees, wheels):
             continue
@@ -106,11 +119,13 @@ def touch_batch(
             count[k, i] = patches(ground, w, found, kept, keep)
 
 
-@pnjit
-def clearance_batch(ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, q: Array, out: Array) -> None:
+@njit
+def clearance_batch(
+    ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, q: Array, out: Array, start: int, stop: int
+) -> None:
     """Least height of the body's box over the ground (n,) at poses q (n, 6)."""
     grid, _, meta = ground
-    for k in prange(x.size):
+    for k in range(start, stop):
         axes, near = np.empty((3, 3)), np.empty((NEAR_ROOM, NEAR_SIZE))
         out[k] = math.nan
         if not math.isnan(q[k, Z]):

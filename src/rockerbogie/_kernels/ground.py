@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .jit import inlined, njit, pnjit, prange
+from .jit import inlined, njit
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -94,30 +94,21 @@ def surface(
 
 
 @njit
-def surface_at(grid: NDArray[np.float64], meta: NDArray[np.float64], x: float, y: float, out: NDArray[np.float64]) -> None:
-    """Fill out (3,) with h, h_x, h_y at a world point; nan off the map."""
-    px = onto(x - meta[META_X], meta[META_DX], meta[META_NX])
-    py = onto(y - meta[META_Y], meta[META_DY], meta[META_NY])
-    if on_map(meta, px, py):
-        h, hx, hy, _, _, _ = surface(grid, meta, px, py)
-        out[0], out[1], out[2] = h + meta[META_Z], hx, hy
-    else:
-        out[0] = out[1] = out[2] = math.nan
-
-
-@njit
-def surface_few(
-    grid: NDArray[np.float64], meta: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64], out: NDArray[np.float64]
-) -> None:
-    """Fill out (n, 3) with h, h_x, h_y at world points (n,), without waking the other threads."""
-    for k in range(x.size):
-        surface_at(grid, meta, x[k], y[k], out[k])
-
-
-@pnjit
 def surface_batch(
-    grid: NDArray[np.float64], meta: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64], out: NDArray[np.float64]
+    grid: NDArray[np.float64],
+    meta: NDArray[np.float64],
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    out: NDArray[np.float64],
+    start: int,
+    stop: int,
 ) -> None:
-    """Fill out (n, 3) with h, h_x, h_y at world points (n,)."""
-    for k in prange(x.size):
-        surface_at(grid, meta, x[k], y[k], out[k])
+    """Fill out (n, 3) with h, h_x, h_y at world points (n,), items start..stop; nan off the map."""
+    for k in range(start, stop):
+        px = onto(x[k] - meta[META_X], meta[META_DX], meta[META_NX])
+        py = onto(y[k] - meta[META_Y], meta[META_DY], meta[META_NY])
+        if on_map(meta, px, py):
+            h, hx, hy, _, _, _ = surface(grid, meta, px, py)
+            out[k, 0], out[k, 1], out[k, 2] = h + meta[META_Z], hx, hy
+        else:
+            out[k, 0] = out[k, 1] = out[k, 2] = math.nan

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .jit import inlined, njit, pnjit, prange
+from .jit import inlined, njit
 from .linkage import P_HUB, P_KNEE, P_OFFSET, P_PIVOT, P_RADIUS, right_rocker
 
 Array = NDArray[np.float64]
@@ -72,8 +72,10 @@ def wheel_jacobians(rover: Array, rocker: float, bogie: Array, steering: Array, 
             _turn(W, CONTACT_ANGLE, hx, hy, hz, -yx, -yy, -yz)
 
 
-@pnjit
-def wheel_jacobians_batch(rover: Array, rocker: Array, bogie: Array, steering: Array, contact: Array, J: Array) -> None:
-    """Fill J (n, 6, 6, 9), given as zeros, for rocker (n,), bogie (n, 2), steering and contact angles (n, 6)."""
-    for k in prange(rocker.size):
+@njit
+def wheel_jacobians_batch(
+    rover: Array, rocker: Array, bogie: Array, steering: Array, contact: Array, J: Array, start: int, stop: int
+) -> None:
+    """Fill J (n, 6, 6, 9), given as zeros, from rocker (n,), bogie (n, 2), steering, contact angles (n, 6); items start..stop."""
+    for k in range(start, stop):
         wheel_jacobians(rover, rocker[k], bogie[k], steering[k], contact[k], J[k])
