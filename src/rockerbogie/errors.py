@@ -26,5 +26,5 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:
     """One sentence for a name that is not there, with the nearest one that is."""
     names = sorted(known)
     near = difflib.get_close_matches(name.lower(), names, n=1, cutoff=0.4)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
+    hint = f"; did you mean {near[0]!r}?" if near else "."
     return f"no {kind} named {name!r}{hint} Known: {', '.join(names)}."
