@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 #: Coefficients a differential may have; the packed rover has room for as many.
 MOST_COEFFICIENTS = 24
+#: The right rocker turns by between these shares of the left one's angle, at rest.
+LEAST_RATIO, LARGEST_RATIO = 0.01, 100.0
 #: The polynomial follows the linkage this closely over its whole reach, rad.
 FIT_ERROR = 1e-12
 #: Angles at which the fit is made, and at which it is checked.
@@ -91,6 +93,19 @@ class DifferentialBar:
         raise RoverError(
             f"the differential bar all but locks at the rocker's stops ({np.degrees(low):.1f}, {np.degrees(high):.1f} deg): "
             f"{MOST_COEFFICIENTS} coefficients follow it to {error:.1g} rad only, not {FIT_ERROR:g}: narrow rocker_limits"
+        )
+
+
+def check_ratio(slope: float, what: str) -> None:
+    """Refuse a differential that does not turn the right rocker against the left one, or hardly, or hardly anything else.
+
+    Raises:
+        RoverError: the right rocker's turn to the left one's, at rest, is not between -`LARGEST_RATIO` and -`LEAST_RATIO`.
+    """
+    if not LEAST_RATIO <= -slope <= LARGEST_RATIO:
+        raise RoverError(
+            f"{what}: differential must turn the right rocker against the left one, by -{LEAST_RATIO:g} to -{LARGEST_RATIO:g} "
+            f"of its angle; here it is {slope:.3g}"
         )
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._kernels import linkage
-from .differential import MOST_COEFFICIENTS, DifferentialBar
+from .differential import MOST_COEFFICIENTS, DifferentialBar, check_ratio
 from .errors import RoverError
 
 Array = NDArray[np.float64]
@@ -399,6 +399,7 @@ def _validate(rover: Rover) -> None:
     good = c.ndim == 1 and 2 <= len(c) <= MOST_COEFFICIENTS and bool(np.isfinite(c).all())
     check(good, f"differential needs 2 to {MOST_COEFFICIENTS} finite coefficients")
     check(c[0] == 0 and c[1] < 0, "differential must turn the right rocker against the left one: c[0] = 0 and c[1] < 0")
+    check_ratio(float(c[1]), f"rover {rover.name!r}")
     low, high = np.where(np.isfinite(rover.rocker_limits), rover.rocker_limits, 0.0)
     reach = np.linspace(low, high, 201)
     turns = np.polynomial.polynomial.polyval(reach, np.polynomial.polynomial.polyder(c)) < 0

@@ -11,7 +11,7 @@ from typing import Any
 
 from ..errors import RoverError, unknown_name
 from ..rover import Rover
-from .build import Import, build
+from .build import Import, build_rover
 from .mjcf import read_mjcf
 from .safe_xml import MAX_BYTES, parse_xml
 from .sdf import read_sdf, to_sdf
@@ -20,7 +20,19 @@ from .toml_text import schema, to_toml
 from .tree import Tree
 from .urdf import read_urdf, to_urdf
 
-__all__ = ["Import", "import_rover", "load_rover", "presets", "read_details", "schema", "to_sdf", "to_toml", "to_urdf"]
+__all__ = [
+    "Import",
+    "build_rover",
+    "import_rover",
+    "load_rover",
+    "presets",
+    "read_details",
+    "read_tree",
+    "schema",
+    "to_sdf",
+    "to_toml",
+    "to_urdf",
+]
 
 
 def presets() -> dict[str, Path]:
@@ -93,7 +105,9 @@ def import_rover(
         RoverError: a file that is refused, holds no rocker-bogie, or describes one that cannot be.
     """
     file = Path(path)
-    return build(read_tree(_read(file), file.name), file.name, scale=scale, forward=forward, up=up, joints=joints, **overrule)
+    return build_rover(
+        read_tree(_read(file), file.name), file.name, scale=scale, forward=forward, up=up, joints=joints, **overrule
+    )
 
 
 def read_tree(data: bytes | str, what: str) -> Tree:

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..differential import check_ratio
 from ..errors import RoverError
-from ..rover import IDEAL_DIFFERENTIAL, Link, Rover
+from ..rover import IDEAL_DIFFERENTIAL, Link, Rover, possible_inertia
 from .find import Hinge, Roles, find_roles
 from .limits import check_size, check_wheelbase
 from .tree import DISC, Shape, Tree
@@ -34,7 +35,7 @@ class Import:
         return "\n".join(lines)
 
 
-def build(
+def build_rover(
     tree: Tree,
     what: str,
     *,
@@ -190,16 +191,24 @@ class _Reader:
 
     def differential(self) -> Array:
         """The polynomial, or the ratio of the joints' `mimic`, or the ideal one where nothing ties them."""
-        if self.tree.differential is not None:
-            return self.tree.differential
         rockers = self.roles.rockers
         if rockers[0] is None or rockers[1] is None:
             return np.array(IDEAL_DIFFERENTIAL)
-        ties = [self._tie(r.joint.name) for r in rockers if r]
-        signs = [self._sign(r) for r in rockers if r]
-        if ties[0][0] == ties[1][0] and ties[0][1] and ties[1][1]:
+        names = [rocker.joint.name for rocker in rockers if rocker]
+        signs = [self._sign(rocker) for rocker in rockers if rocker]
+        ties = [self._tie(name) for name in names]
+        if self.tree.differential is not None:
+            polynomial = self.tree.differential * signs[1] * np.array(signs[0]) ** np.arange(len(self.tree.differential))
+            if ties[1][0] != names[0] or len(polynomial) < 2:
+                raise RoverError(
+                    f"{self.what}: its differential is a polynomial by which {names[1]!r} does not follow {names[0]!r}"
+                )
+            check_ratio(float(polynomial[1]), self.what)
+            return polynomial
+        if ties[0][0] == ties[1][0] and abs(ties[0][1]) > 1e-6:
             ratio = ties[1][1] * signs[1] / (ties[0][1] * signs[0])
             if ratio < 0:
+                check_ratio(ratio, self.what)
                 self.roles.found.append(f"differential: right = {ratio:g} left")
                 return np.array([0.0, ratio])
             self.roles.mended.append(
@@ -239,7 +248,7 @@ class _Reader:
                 continue
             low, high = max(low, a if a > -np.pi else -np.inf), min(high, b if b < np.pi else np.inf)
         if not low < high:
-            self.roles.mended.append(f"the stops of left and right {label} leave no room between them; left out")
+            self.roles.mended.append(f"the stops given for the {label} leave no room between them; left out")
             return np.array([-np.inf, np.inf])
         if np.isinf(low) and np.isinf(high):
             self.roles.found.append(f"no stops for the {label}")
@@ -248,8 +257,8 @@ class _Reader:
     def rocker_limits(self, differential: Array) -> Array:
         """Stops (2,) of the left rocker: its own, and the right one's through the differential's slope at rest."""
         rockers = self.roles.rockers
-        own = self.limits([rockers[0], self.roles.arms[0]], "left rocker's arms")
-        other = self.limits([rockers[1], self.roles.arms[1]], "right rocker's arms")
+        own = self.limits([rockers[0], self.roles.arms[0]], "left rocker")
+        other = self.limits([rockers[1], self.roles.arms[1]], "right rocker")
         across = np.sort(np.polynomial.polynomial.polyval(own, differential)) if np.isfinite(own).all() else own
         if np.allclose(other, across, rtol=0, atol=1e-9):
             return own
@@ -348,17 +357,16 @@ class _Reader:
         if mass is not None:
             parts = [Link(p.mass * mass / total, p.com, p.inertia * mass / total) for p in parts]
         typical = Rover.from_pivots(**shape, mass=total if mass is None else mass).links
+        weightless, impossible = [], []
         for k, (name, part) in enumerate(zip(names, parts, strict=True)):
             if part.mass == 0:
-                self.roles.mended.append(f"{name} has no mass in the file; left so")
+                weightless.append(name)
                 parts[k] = Link(0.0, typical[k].com, np.zeros((3, 3)))
-            elif not _possible(part.inertia):
-                self.roles.mended.append(f"{name} has an inertia that no body of its mass can have; taken from its shape")
+            elif not possible_inertia(part.inertia):
+                impossible.append(name)
                 parts[k] = Link(part.mass, part.com, typical[k].inertia * (part.mass / typical[k].mass))
+        if weightless:
+            self.roles.mended.append(f"no mass in the file, left so: {', '.join(weightless)}")
+        if impossible:
+            self.roles.mended.append(f"an inertia no body can have, taken from its shape in place of it: {', '.join(impossible)}")
         return {"body": parts[0], "rockers": parts[1:3], "bogies": parts[3:5], "wheels": parts[5:]}
-
-
-def _possible(inertia: Array) -> bool:
-    """True for an inertia a rigid body can have: positive, and no moment above the sum of the other two."""
-    moments = np.linalg.eigvalsh(inertia)
-    return bool(moments[0] > 0 and moments[2] <= (moments[0] + moments[1]) * (1 + 1e-9))

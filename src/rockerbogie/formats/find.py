@@ -20,6 +20,8 @@ PARALLEL = float(np.cos(np.radians(20)))
 ACROSS = 0.5
 #: Left and right must mirror each other this well in the side view, as a share of the rover's length.
 MIRROR = 0.08
+#: Wheels are searched among this many hinges.
+MOST_LEAVES = 40
 #: Axes of the file's own frame this close to the rover's are taken as the rover's (rad).
 SNAP = 0.2
 
@@ -101,9 +103,15 @@ class _Search:
         self.freed = set(freed)
 
     def run(self, forward: str | None, up: str | None) -> Roles:
-        leaves = [h for h in self.inbound.values() if all(other.parent != h.child for other in self.inbound.values())]
+        carrying = {h.parent for h in self.inbound.values()}
+        leaves = [h for h in self.inbound.values() if h.child not in carrying]
         if "wheels" in self.joints:
             leaves = [h for h in self.inbound.values() if h.joint.name in self.joints["wheels"]]
+        if len(leaves) > MOST_LEAVES:
+            raise RoverError(
+                f"{self.what}: {len(leaves)} hinges carry nothing more, too many to search ({MOST_LEAVES}): "
+                "name the wheels' with joints={'wheels': [...]}"
+            )
         clusters: dict[frozenset[str], list[Hinge]] = {}
         for seed in leaves:
             cluster = [h for h in leaves if abs(h.axis @ seed.axis) > PARALLEL]
@@ -162,8 +170,8 @@ class _Search:
                     choices.append((kind, apart(w1, w2) + apart(b1, b2), b1, b2, w1, w2))
         if not choices:
             raise RoverError(
-                f"{self.what}: of its hinges, {len(cluster)} could be wheels and {len(bogies)} bogies (two on one arm), but no "
-                "left and right pair of bogies with a rocker wheel to each was found among them: "
+                f"{self.what}: {len(cluster)} of its hinges could be wheels, {span:.4g} m apart, and {len(bogies)} bogies, "
+                "but no left and right pair of bogies with a rocker wheel to each was found among them: "
                 "name them with joints={'wheels': [...], 'bogies': [...], 'rockers': [...]}"
             )
         kind, _, b1, b2, w1, w2 = min(choices, key=lambda c: c[:2])

@@ -42,7 +42,7 @@ def write_world(
     cells = np.argwhere(known[:-1, :-1] & known[1:, :-1] & known[:-1, 1:] & known[1:, 1:])
     if not len(cells):
         raise RoverError("the ground has no cell with four known corners: choose another terrain")
-    x, y = (origin[k] + step * spacing[k] * np.arange(z.shape[1 - k]) for k in (0, 1))
+    x, y = (origin[k] + step * spacing[k] * np.arange(z.shape[1 - k], dtype=np.float64) for k in (0, 1))
     ground = folder / "ground.obj"
     ground.write_text(_obj(x, y, z, cells), encoding="ascii")
     sdf = Element("sdf", {"version": VERSION, "xmlns:rockerbogie": "urn:rockerbogie"})

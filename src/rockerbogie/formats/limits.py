@@ -40,6 +40,13 @@ def check_size(rover: Rover, what: str) -> None:
             raise RoverError(
                 f"{what}: a {label} would be {far:.4g} m from the wheels, on a rover {rover.wheelbase:.4g} m long: metres?"
             )
+    for link in rover.links:
+        moment = float(np.linalg.eigvalsh(link.inertia)[2])
+        if moment > link.mass * reach**2:
+            raise RoverError(
+                f"{what}: a part of {link.mass:.4g} kg would have a moment of inertia of {moment:.4g} kg m2, "
+                f"on a rover {rover.wheelbase:.4g} m long: is it in kg m2?"
+            )
     for label, size in (
         ("radius", rover.wheel_radius),
         ("width", rover.wheel_width),

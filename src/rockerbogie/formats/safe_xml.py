@@ -11,8 +11,10 @@ from ..errors import RoverError
 MAX_BYTES = 20_000_000
 MAX_DEPTH = 200
 MAX_ELEMENTS = 200_000
-#: Most numbers an attribute of ours holds (a 4 x 4 matrix); a longer list is not read.
-MAX_NUMBERS = 16
+#: Most numbers a rover's file has in one place (a differential's coefficients); a longer list is not read.
+MAX_NUMBERS = 24
+#: No length, mass, moment or angle of a rover is larger.
+LARGEST = 1e9
 
 
 def parse_xml(data: bytes | str, what: str) -> Element:
@@ -79,6 +81,9 @@ def numbers(
         values = tuple(float(w) for w in words if "_" not in w)  # float() would read 1_0 as ten
     except ValueError:
         values = ()
-    if len(words) != count or len(values) != count or any(math.isnan(v) or (finite and math.isinf(v)) for v in values):
-        raise RoverError(f"{where} is {text.strip()[:60]!r}; it takes {count} finite number{'s' * (count > 1)}")
+    good = all(abs(v) <= LARGEST or (math.isinf(v) and not finite) for v in values)
+    if len(words) != count or len(values) != count or not good:
+        raise RoverError(
+            f"{where} is {text.strip()[:60]!r}; it takes {count} finite number{'s' * (count > 1)}, {LARGEST:g} at most"
+        )
     return values

@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 VERSION = "1.11"
 EXTENSION = "rockerbogie:differential"
+#: Frames may be placed relative to one another so many deep.
+MAX_CHAIN = 100
 
 
 def to_sdf(rover: Rover) -> str:
@@ -115,10 +117,12 @@ class _Model:
             raise RoverError(f"{self.what}: model {tree.name!r} holds no link")
         joints = [self._joint(e) for e in self.frames.values() if e.tag == "joint"]
         rank = {"fixed": 0, "hinge": 0, "other": 1}
-        root_of = {name: name for name in links}
+        root_of = {name: name for name in links}  # a forest: names lead to one of their own tree
+        carried: set[str] = set()
 
         def top(name: str) -> str:
             while root_of[name] != name:
+                root_of[name] = root_of[root_of[name]]
                 name = root_of[name]
             return name
 
@@ -127,10 +131,11 @@ class _Model:
             for end in (joint.parent, joint.child):
                 if end not in links:
                     raise RoverError(f"{self.what}: joint {joint.name!r} joins {end!r}, which is no link of the model")
-            if root_of[joint.child] != joint.child or top(joint.parent) == joint.child:
+            if joint.child in carried or top(joint.parent) == top(joint.child):
                 tree.notes.append(f"joint {joint.name!r} closes a loop; left open: the rover's differential stands for such bars")
                 continue
-            root_of[joint.child] = joint.parent
+            carried.add(joint.child)
+            root_of[top(joint.child)] = joint.parent
             own_frame[joint.child] = where
             tree.joints[joint.name] = joint
         for name, element in links.items():
@@ -147,9 +152,11 @@ class _Model:
         """T_model_frame of a link, joint or frame."""
         if name in ("", "__model__", "world"):
             return np.eye(4)
-        if name in seen or name not in self.frames:
+        if name not in self.frames:
+            raise RoverError(f"{self.what}: frame {name!r} is not in the model")
+        if name in seen or len(seen) > MAX_CHAIN:
             raise RoverError(
-                f"{self.what}: frame {name!r} is {'placed relative to itself' if name in seen else 'not in the model'}"
+                f"{self.what}: frame {name!r} is placed relative to itself, or by way of more than {MAX_CHAIN} others"
             )
         if name not in self.placed:
             element = self.frames[name]

@@ -13,6 +13,7 @@ from ..errors import RoverError, unknown_name
 from ..rover import Link, Rover
 from .keys import KEYS, LINKS, TABLES, Key
 from .limits import check_size
+from .safe_xml import LARGEST
 
 #: Larger files are refused before they are parsed.
 MAX_CHARACTERS = 1_000_000
@@ -47,8 +48,7 @@ def read_toml(text: str, name: str = "rover") -> Rover:
         RoverError: not TOML, an unknown key, a value of the wrong kind, or a rover that cannot be.
     """
     values = read_values(text, name)
-    with np.errstate(over="ignore", invalid="ignore"):  # numbers out of all measure are refused by what they lead to
-        rover = _rover(values, name)
+    rover = _rover(values, name)
     check_size(rover, name)
     return rover
 
@@ -138,16 +138,17 @@ def _checked(key: Key, value: Any, name: str) -> Any:
 
 
 def _numbers(value: Any) -> NDArray[np.float64] | None:
-    """An array of floats, or None where `value` holds anything but numbers, or rows of different length."""
+    """An array of floats, or None where `value` holds anything but numbers of some measure, or rows of different length."""
     flat = [value]
     for _ in range(2):
         flat = [v for item in flat for v in (item if isinstance(item, list) else [item])]
     if not flat or not all(isinstance(v, int | float) and not isinstance(v, bool) for v in flat):
         return None
     try:
-        return np.array(value, dtype=float)
+        array = np.array(value, dtype=float)
     except (ValueError, OverflowError):
         return None
+    return array if (np.isinf(array) | (np.abs(array) <= LARGEST)).all() else None
 
 
 def arguments(values: dict[str, Any], name: str) -> dict[str, Any]:

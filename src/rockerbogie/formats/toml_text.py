@@ -84,12 +84,10 @@ def _values(rover: Rover) -> dict[str, str]:
 
 def _by_rule(rover: Rover, total: float) -> bool:
     """True where the rover's parts are what the rule of thumb makes of its total mass."""
-    typical = Rover.from_pivots(
-        wheel_radius=rover.wheel_radius, wheel_width=rover.wheel_width, rocker_pivot=rover.rocker_pivot, bogie_pivot=rover.bogie_pivot,
-        hubs=rover.hubs, body_box=rover.body_box, mass=total,
-    )  # fmt: skip
+    shape = ("wheel_radius", "wheel_width", "rocker_pivot", "bogie_pivot", "hubs", "body_box")
+    typical = Rover.from_pivots(**{name: getattr(rover, name) for name in shape}, mass=total)
     own, ruled = (np.array([[k.mass, *k.com, *k.inertia.ravel()] for k in r.links]) for r in (rover, typical))
-    return np.allclose(own, ruled, rtol=1e-14, atol=1e-15)
+    return bool(np.allclose(own, ruled, rtol=1e-14, atol=1e-15))
 
 
 def _link_lines(rover: Rover, keys: list[Key]) -> list[str]:
@@ -102,7 +100,7 @@ def _link_lines(rover: Rover, keys: list[Key]) -> list[str]:
     return lines
 
 
-def _alike(per_wheel: NDArray[Any]) -> NDArray[Any]:
+def _alike(per_wheel: Any) -> Any:
     """One value for all wheels where they are equal, one for each pair where left and right are; else one a wheel."""
     if (per_wheel == per_wheel[0]).all():
         return per_wheel[0]

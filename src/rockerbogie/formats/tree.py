@@ -102,7 +102,8 @@ class Tree:
                 trees[root] += children[name]
         self.root = max(roots, key=lambda root: len(trees[root]))
         self.order = trees[self.root]
-        if loose := [name for name in self.parts if name not in set(self.order)]:
+        held = set(self.order)
+        if loose := [name for name in self.parts if name not in held]:
             self.notes.append(
                 f"left out {len(loose)} links that hang on nothing ({', '.join(loose[:4])}{', ...' * (len(loose) > 4)})"
             )
@@ -192,8 +193,8 @@ def tree_of(rover: Rover) -> Tree:
         wheel = add(f"wheel_{name}", rover.wheels[i], rover.hubs[i], share)
         join(parent, f"wheel_{name}", rover.hubs[i] - origin, (0, 1, 0), free)
         radius, width = float(rover.wheel_radius[i]), float(rover.wheel_width[i])
-        tread = ("tread", width) if width else (DISC, DISC_WIDTH * radius)
-        wheel.shapes.append(Shape("cylinder", (radius, tread[1]), place(turn=from_rpy(np.pi / 2, 0, 0)), tread[0]))
+        label, breadth = ("tread", width) if width else (DISC, DISC_WIDTH * radius)
+        wheel.shapes.append(Shape("cylinder", (radius, breadth), place(turn=from_rpy(np.pi / 2, 0, 0)), f"{label}_{name}"))
     linear = not rover.differential[2:].any()
     tree = Tree(rover.name, parts, joints, None if linear else rover.differential.copy())
     return tree.arrange(rover.name)

@@ -42,7 +42,7 @@ def to_urdf(rover: Rover, *, ros2_control: bool = False) -> str:
         SubElement(inertial, "inertia", _moments(part.inertia))
         for shape in part.shapes:
             for use in ("visual", "collision"):
-                element = SubElement(link, use, name=shape.name)
+                element = SubElement(link, use, name=f"{shape.name}_{use}")
                 SubElement(
                     element,
                     "origin",
@@ -117,6 +117,9 @@ def read_urdf(data: bytes | str, what: str = "robot.urdf") -> Tree:
         if joint.name in tree.joints:
             raise RoverError(f"{what}: two joints are called {joint.name!r}")
         tree.joints[joint.name] = joint
+        limit = element.find("limit")
+        if element.get("type") == "continuous" and limit is not None and limit.get("lower") is not None:
+            tree.notes.append(f"joint {joint.name!r} is continuous: the limits it is given besides do not count")
     extra = robot.find("rockerbogie")
     if extra is not None and extra.get("differential") is not None:
         words = (extra.get("differential") or "").split()

@@ -1,0 +1,238 @@
+"""Spoils robot files: byte by byte, and in ways that keep them readable. `python tests/fuzz/mutate.py 10000` runs that many.
+
+Every spoilt file must give a rover that can be, or one `RoverError`; nothing else, and soon.
+"""
+
+from __future__ import annotations
+
+import random
+import re
+import sys
+import time
+import warnings
+from collections import Counter
+from xml.etree import ElementTree
+
+import numpy as np
+
+import rockerbogie as rb
+from rockerbogie.formats import build_rover, read_tree, to_sdf, to_toml, to_urdf
+from rockerbogie.formats.toml import read_toml
+
+#: Numbers that have broken readers before.
+NASTY = (
+    "0",
+    "-1",
+    "1e308",
+    "-1e308",
+    "1e-320",
+    "nan",
+    "inf",
+    "-inf",
+    "",
+    "abc",
+    "1_0",
+    "0x10",
+    "1,5",
+    "9" * 400,
+    "1e400",
+    "1000",
+    "0.001",
+    "--1",
+    "1 2",
+)
+#: No file may take longer, s.
+LONGEST = 5.0
+
+
+def sources() -> dict[str, str]:
+    """The files to spoil: our own, whole and small, and in the manner of others."""
+    import foreign
+
+    files = {}
+    for name in ("curiosity", "elhami-dashti", "sawppy"):
+        rover = rb.load_rover(name)
+        files |= {f"{name}.urdf": to_urdf(rover), f"{name}.sdf": to_sdf(rover), f"{name}.toml": to_toml(rover, options=True)}
+    bar = rb.load_rover("perseverance").replace(differential=np.array([0.0, -1.0, 0.01, 0.002]))
+    files |= {"bar.urdf": to_urdf(bar, ros2_control=True), "bar.toml": to_toml(bar)}
+    for name, style in foreign.STYLES.items():
+        files[f"{name}.urdf"] = style(rb.load_rover("curiosity"))
+    return files
+
+
+def spoil(name: str, text: str, rng: random.Random) -> str:
+    """One spoilt copy."""
+    ways = [_bytes, _numbers, _lines]
+    if not name.endswith(".toml"):
+        ways += [_elements, _elements, _attributes]
+    for _ in range(rng.choice((1, 1, 2, 5))):
+        text = rng.choice(ways)(text, rng)
+    return text
+
+
+def _bytes(text: str, rng: random.Random) -> str:
+    at = rng.randrange(max(len(text), 1))
+    length = rng.choice((1, 1, 3, 40, 400))
+    filler = "".join(chr(rng.choice((0, 9, 34, 38, 39, 60, 62, 65, 91, 255, 8232, 65534))) for _ in range(rng.choice((0, 1, 3))))
+    return rng.choice((text[:at] + filler + text[at + length :], text[:at] + text[at : at + length] * 2 + text[at:], text[:at]))
+
+
+def _numbers(text: str, rng: random.Random) -> str:
+    spots = list(re.finditer(r"-?\d+\.?\d*(?:e[-+]?\d+)?", text))
+    if not spots:
+        return text
+    spot = rng.choice(spots)
+    value = spot.group()
+    try:
+        scaled = repr(float(value) * rng.choice((1000.0, 0.001, -1.0, 57.3)))
+    except (ValueError, OverflowError):
+        scaled = "1"
+    return text[: spot.start()] + rng.choice((*NASTY, scaled, scaled, scaled)) + text[spot.end() :]
+
+
+def _lines(text: str, rng: random.Random) -> str:
+    lines = text.split("\n")
+    i, j = rng.randrange(len(lines)), rng.randrange(len(lines))
+    way = rng.randrange(3)
+    if way == 0:
+        del lines[i]
+    elif way == 1:
+        lines.insert(j, lines[i])
+    else:
+        lines[i], lines[j] = lines[j], lines[i]
+    return "\n".join(lines)
+
+
+def _parse(text: str) -> ElementTree.Element | None:
+    try:
+        return ElementTree.fromstring(text)
+    except (ElementTree.ParseError, ValueError):
+        return None
+
+
+def _elements(text: str, rng: random.Random) -> str:
+    """Remove, double, move or nest an element."""
+    root = _parse(text)
+    if root is None:
+        return text
+    parents = {child: parent for parent in root.iter() for child in parent}
+    if not parents:
+        return text
+    child = rng.choice(list(parents))
+    way = rng.randrange(5)
+    if way == 0:
+        parents[child].remove(child)
+    elif way == 1:
+        parents[child].append(child)
+    elif way == 2:
+        other = rng.choice([e for e in root.iter() if e not in set(child.iter())])
+        parents[child].remove(child)
+        other.append(child)
+    elif way == 3:
+        child.tag = rng.choice(("link", "joint", "inertial", "axis", "limit", "mimic", "robot", "sdf", "x:y", "rockerbogie"))
+    else:
+        child.text = rng.choice(NASTY)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _attributes(text: str, rng: random.Random) -> str:
+    """Drop, change or swap an attribute."""
+    root = _parse(text)
+    if root is None:
+        return text
+    elements = [e for e in root.iter() if e.attrib]
+    if not elements:
+        return text
+    element = rng.choice(elements)
+    key = rng.choice(list(element.attrib))
+    way = rng.randrange(4)
+    if way == 0:
+        del element.attrib[key]
+    elif way == 1:
+        element.set(
+            key, rng.choice((*NASTY, "fixed", "continuous", "floating", "base_link", "0 0 0", "0 0 1", "1 0 0", "nan nan nan"))
+        )
+    else:
+        other = rng.choice([e for e in elements if key in e.attrib])
+        element.attrib[key], other.attrib[key] = other.attrib[key], element.attrib[key]
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def read(name: str, text: str) -> rb.Rover:
+    """The rover of a file's text."""
+    if name.endswith(".toml"):
+        return read_toml(text, name)
+    return build_rover(read_tree(text.encode("utf-8", "surrogatepass"), name), name).rover
+
+
+def check(rover: rb.Rover) -> None:
+    """That a rover can be: said here once more, apart from the package's own checks."""
+    lengths = [
+        rover.rocker_pivot,
+        rover.bogie_pivot,
+        rover.hubs,
+        rover.wheel_radius,
+        rover.wheel_width,
+        rover.steering_offset,
+        rover.body_box,
+    ]
+    assert all(np.isfinite(a).all() for a in lengths), "a length is not finite"
+    assert (rover.wheel_radius > 0).all(), "a wheel has no size"
+    assert (rover.wheel_width >= 0).all(), "a wheel has a negative width"
+    assert (rover.hubs[::2, 1] > rover.hubs[1::2, 1]).all(), "left is right"
+    assert 0.01 < rover.wheelbase < 30, "no rover has this size"
+    for low, high in (rover.rocker_limits, rover.bogie_limits):
+        assert low <= 0 <= high, "its rest is beyond a stop"
+        assert low < high, "it cannot move"
+    slope = np.polynomial.polynomial.polyder(rover.differential)
+    reach = np.linspace(*np.where(np.isfinite(rover.rocker_limits), rover.rocker_limits, 0.0), 50)
+    assert (np.polynomial.polynomial.polyval(reach, slope) < 0).all(), "its differential turns back"
+    assert rover.mass > 0, "it has no mass"
+    for link in rover.links:
+        assert np.isfinite(link.mass), "a mass is not finite"
+        assert link.mass >= 0, "a mass is negative"
+        assert np.isfinite(link.com).all(), "a centre of mass is not finite"
+        moments = np.linalg.eigvalsh(link.inertia)
+        assert moments[0] >= -1e-9 * max(moments[2], 1e-300), "an inertia is negative"
+        assert moments[2] <= moments[:2].sum() + 1e-5 * moments[2] + 1e-12, "an inertia breaks the triangle"
+    frames = rb.wheel_frames(rover, 0.1, [0.1, -0.1])
+    assert np.isfinite(frames).all(), "its wheels stand nowhere"
+    assert np.isfinite(rover.packed[np.isfinite(rover.packed)]).all()
+
+
+def run(count: int, seed: int = 0) -> Counter[str]:
+    """Spoil and read `count` files; how many were refused, and how many taken."""
+    rng = random.Random(seed)
+    files = sources()
+    names = sorted(files)
+    tally: Counter[str] = Counter()
+    slowest = 0.0
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # a warning from numpy is a number out of hand
+        for k in range(count):
+            name = names[k % len(names)]
+            text = spoil(name, files[name], rng)
+            start = time.perf_counter()
+            try:
+                rover = read(name, text)
+            except rb.RoverError as error:
+                tally["refused"] += 1
+                tally["longest_message"] = max(tally["longest_message"], len(str(error)))
+            except BaseException as error:
+                raise AssertionError(f"seed {seed}, file {k} ({name}): {type(error).__name__}: {error}\n{text[:3000]}") from error
+            else:
+                tally["taken"] += 1
+                try:
+                    check(rover)
+                except AssertionError as error:
+                    raise AssertionError(f"seed {seed}, file {k} ({name}): {error}\n{text[:6000]}") from error
+            taken = time.perf_counter() - start
+            slowest = max(slowest, taken)
+            assert taken < LONGEST, f"seed {seed}, file {k} ({name}) took {taken:.1f} s"
+    tally["slowest_ms"] = round(1e3 * slowest)
+    return tally
+
+
+if __name__ == "__main__":
+    sys.path.insert(0, str(__import__("pathlib").Path(__file__).resolve().parents[1]))
+    print(dict(run(int(sys.argv[1]) if len(sys.argv) > 1 else 1000, int(sys.argv[2]) if len(sys.argv) > 2 else 0)))
