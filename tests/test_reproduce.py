@@ -6,9 +6,10 @@ import base64
 import csv
 import json
 import re
+from contextlib import redirect_stdout
 from dataclasses import replace
 from html.parser import HTMLParser
-from io import BytesIO
+from io import BytesIO, StringIO
 from pathlib import Path
 
 import numpy as np
@@ -33,11 +34,9 @@ FILES = {
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, object]]:
     """The folder that `rockerbogie reproduce` wrote, and what it printed as JSON."""
     folder = tmp_path_factory.mktemp("paper") / "out"
-    with pytest.MonkeyPatch.context() as patch:
-        printed: list[str] = []
-        patch.setattr("builtins.print", lambda *words, **_: printed.append(" ".join(map(str, words))))
+    with redirect_stdout(StringIO()) as printed:
         assert main(["reproduce", "-o", str(folder), "--json"]) == 0
-    return folder, json.loads("\n".join(printed))
+    return folder, json.loads(printed.getvalue())
 
 
 @pytest.fixture(scope="module")

@@ -93,42 +93,40 @@ def _both_negative(c: Crossing) -> Claim:
     first = float(c.x[np.argmax((np.abs(c.pitch) > ZERO) | (np.abs(c.roll) > ZERO))])
     reach = min(c.reaches(front, c.start), c.reaches(front + 1, c.start))
     then = (c.x >= first) & (c.x < c.reaches(middle, c.start))
-    holds = abs(first - reach) < 0.05 and all(a[then].max() < ZERO and a[then].min() < -ZERO for a in (c.pitch, c.roll))
+    low, high = ([float(most(a[then], initial=0.0)) for a in (c.pitch, c.roll)] for most in (np.min, np.max))
+    holds = abs(first - reach) < 0.05 and max(low) < -ZERO and max(high) < ZERO
     return Claim(
         7,
         "Pitch and roll turn negative when the front wheels come upon the bumps.",
         holds,
         f"The front wheels touch the bumps at X = {reach:.3f} m, the body first turns at {first:.3f} m; until the middle wheels "
-        f"arrive pitch goes to {c.pitch[then].min():.2f}°, roll to {c.roll[then].min():.2f}° (right side up), and neither "
-        f"rises above {max(c.pitch[then].max(), c.roll[then].max()):+.2f}°.",
+        f"arrive pitch goes to {low[0]:.2f}°, roll to {low[1]:.2f}° (right side up), and neither rises above {max(high):.2f}°.",
     )
 
 
 def _pitch_turns_at_the_top(c: Crossing) -> Claim:
-    moved = np.flatnonzero(np.abs(c.pitch) > ZERO)
-    inside = slice(int(moved[0]), int(moved[-1]) + 1)
-    x, pitch = c.x[inside], c.pitch[inside]
-    turn = int(np.argmax(pitch > 0))
-    before, after = pitch[:turn], pitch[turn:]
-    centre = float((c.rover.hubs[:, 0].max() + c.rover.hubs[:, 0].min()) / 2)
-    top = (c.start + c.end) / 2
-    holds = turn > 0 and before.max() <= 0 and after.min() > -ZERO and abs(x[turn] + centre - top) < c.rover.wheelbase / 2
+    front, _, rear = c.axles
+    over = (c.x >= c.reaches(front, c.start)) & (c.x <= c.reaches(rear, c.end))
+    x, pitch = c.x[over], c.pitch[over]
+    turn = int(np.argmax(pitch > ZERO))
+    lowest, least_after = float(pitch[:turn].min(initial=0.0)), float(pitch[turn:].min())
+    off = float(x[turn] + (c.rover.hubs[:, 0].max() + c.rover.hubs[:, 0].min()) / 2 - (c.start + c.end) / 2)
     return Claim(
         7,
         "Pitch stays negative over the first half and turns positive as the rover crosses the top.",
-        holds,
-        f"Negative from X = {x[0]:.3f} to {x[turn]:.3f} m (to {before.min():.2f}°), positive from there to {x[-1]:.3f} m (to "
-        f"{after.max():+.2f}°); at the turn the wheelbase's middle is {100 * (x[turn] + centre - top):+.1f} cm from the top.",
+        lowest < -ZERO < least_after and abs(off) < c.rover.wheelbase / 2,
+        f"Negative from X = {x[0]:.3f} to {x[turn]:.3f} m (to {lowest:.2f}°), positive from there to {x[-1]:.3f} m (to "
+        f"{pitch[turn:].max():+.2f}°); at the turn the wheelbase's middle is {100 * off:+.1f} cm from the top.",
     )
 
 
 def _right_bogie_zero_on_a_plane(c: Crossing) -> Claim:
     together = c.on_one_plane([1, 3, 5])
-    most, apart = float(np.abs(c.bogie[together, 1]).max()), float(np.abs(c.bogie[~together, 1]).max())
+    most, apart = (float(np.abs(c.bogie[where, 1]).max(initial=0.0)) for where in (together, ~together))
     return Claim(
         8,
         "The right bogie's angle is zero when its side's wheels all stand on one surface.",
-        most < ZERO < apart,
+        bool(together.any()) and most < ZERO < apart,
         f"At the {together.sum()} of {together.size} places where the three right contacts lie on one plane, |β2| ≤ {most:.4f}° "
         f"(0.0322° is in the paper's own lengths); elsewhere it reaches {apart:.2f}°.",
     )
@@ -142,7 +140,7 @@ def _left_bogie_harmonic(c: Crossing) -> Claim:
     beta = c.bogie[on, 0]
     fit, *_ = np.linalg.lstsq(basis, beta, rcond=None)
     left = beta - basis @ fit
-    explained = 1 - float(left.var() / beta.var())
+    explained = 1 - float(left.var() / beta.var()) if beta.any() else 0.0
     return Claim(
         8,
         "The left bogie's angle is a harmonic curve on the hill.",
@@ -196,10 +194,9 @@ def _left_contact_turns_positive(c: Crossing) -> Claim:
     _, x, angle = c.rim(front)
     start, top = c.reaches(front, c.start), c.reaches(front, (c.start + c.end) / 2)
     climb = (x >= start) & (x <= top)
-    lowest, at_top = float(angle[climb].min()), float(np.interp(top, x, angle))
-    positive = x[climb][np.flatnonzero(angle[climb] <= 0)[-1]]
-    over = (x > top) & (angle <= 0)
-    until = float(x[np.argmax(over)]) if over.any() else float(x[-1])
+    lowest, at_top = float(angle[climb].min(initial=0.0)), float(np.interp(top, x, angle))
+    positive = float(x[climb & (angle <= 0)].max(initial=start))
+    until = float(x[(x > top) & (angle <= 0)].min(initial=x[-1]))
     return Claim(
         9,
         "The left contact angle then tends to a positive value once the hill is climbed.",
@@ -213,11 +210,11 @@ def _right_contact_zero_on_a_plane(c: Crossing) -> Claim:
     front, middle, _ = c.axles
     touches, _, angle = c.rim(front + 1)
     together, angle = c.on_one_plane([front + 1, middle + 1])[touches], np.abs(angle)
-    most, apart = float(angle[together].max()), float(angle[~together].max())
+    most, apart = (float(angle[where].max(initial=0.0)) for where in (together, ~together))
     return Claim(
         9,
         "The right contact angle is zero but for where the bogie passes between slope and flat.",
-        most < ZERO_ON_RIM < apart,
+        bool(together.any()) and most < ZERO_ON_RIM < apart,
         f"While both wheels of the right bogie stand on one plane ({100 * together.mean():.0f} % of the way) |δ6| ≤ {most:.4f}°, "
         f"measured from the wheel's own link; while it spans an edge it reaches {apart:.2f}°.",
     )

@@ -125,8 +125,8 @@ def _facts(
         "Rover": f"{rover.name}, {rover.mass:.1f} kg (the mass is chosen: the paper prints none); {rover.source}",
         "Ground": (
             f"{cols} × {rows} nodes, {1e3 * terrain.spacing[0]:.2f} mm apart, {terrain.interpolation}. The paper prints the "
-            f"slope of 16.7° and no other size: that the bumps are {BUMP_LENGTH:g} m long from X = {BUMP_START:g} m, the hill 0.3 m "
-            "and the ramps 0.2 m high is chosen"
+            f"slope of 16.7° and no other size: that the bumps are {BUMP_LENGTH:g} m long from X = {BUMP_START:g} m, the hill "
+            "0.3 m and the ramps 0.2 m high is chosen"
         ),
         "Signs": "x forward, y left, z up; roll left side up positive, pitch, rocker and bogie nose down positive; contact "
         "angles from the wheel's own link, ahead of the axle negative",

@@ -94,14 +94,24 @@ def _write_numbers(ax: Axes, rover: Rover, stance: xr.Dataset) -> None:
         ax.text(0.60, y, note, fontsize=8, color="#777777")
         y -= line
     y -= 0.5 * line
-    heads = (("wheel", 0.0, "left"), ("contact δ", 0.40, "right"), ("gap", 0.64, "right"), ("touches at z (m)", 1.0, "right"))
+    heads = (
+        ("wheel", 0.0, "left"),
+        ("contact δ", 0.40, "right"),
+        ("gap (mm)", 0.66, "right"),
+        ("touches at z (m)", 1.0, "right"),
+    )
     for head, x, side in heads:
         ax.text(x, y, head, ha=side, color="#555555", fontsize=8.5)
     ax.plot([0, 1], [y - 0.35 * line] * 2, color="#bbbbbb", lw=0.8)
     for i, name in enumerate(rover.wheel_names):
         y -= line
         gap = float(stance["gap"][i])
-        cells = (name, degrees(float(stance["contact_angle"][i])), _length(gap), f"{float(stance['contact_point'][i, 2]):.3f}")
+        cells = (
+            name,
+            degrees(float(stance["contact_angle"][i])),
+            _millimetres(gap),
+            f"{float(stance['contact_point'][i, 2]):.3f}",
+        )
         for cell, (_, x, side) in zip(cells, heads, strict=True):
             ax.text(x, y, cell, ha=side, color=(LEFT, RIGHT)[i % 2] if x == 0 else INK)
     y -= 1.6 * line
@@ -111,10 +121,10 @@ def _write_numbers(ax: Axes, rover: Rover, stance: xr.Dataset) -> None:
     ax.set_ylim(0, 1)
 
 
-def _length(gap: float) -> str:
+def _millimetres(gap: float) -> str:
     if not np.isfinite(gap):
         return "–"
-    return "0 mm" if abs(gap) < 5e-7 else f"{1e3 * gap:.3g} mm"
+    return "0" if abs(gap) < 5e-7 else f"{1e3 * gap:.3f}"
 
 
 def _patch(rover: Rover, stance: xr.Dataset, terrain: Terrain) -> Bounds:

@@ -19,6 +19,7 @@ COLOURS = {
     "z": "#444444",
 }
 INK = "#222222"
+DPI = 150
 
 _LOOK: dict[str, Any] = {
     "font.size": 9.5,
@@ -36,7 +37,6 @@ _LOOK: dict[str, Any] = {
     "xtick.color": INK,
     "ytick.color": INK,
     "legend.frameon": False,
-    "savefig.dpi": 150,
     "figure.constrained_layout.use": True,
 }
 
@@ -48,4 +48,4 @@ def look() -> Any:
 
 def figure(width: float, height: float) -> Figure:
     """An empty figure, inches; call inside `look()`."""
-    return Figure(figsize=(width, height), facecolor="white")
+    return Figure(figsize=(width, height), dpi=DPI, facecolor="white")
