@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, TypeVar
@@ -42,17 +42,29 @@ FEW = 512
 
 
 def spread(kernel: Callable[..., None], count: int, *args: Any) -> None:
-    """Run a batch kernel on items 0..count, in pieces handed to as many threads as numba may use (NUMBA_NUM_THREADS).
+    """Run a batch kernel on items 0..count, in pieces handed to as many threads as numba may use (NUMBA_NUM_THREADS,
+    `threads`).
 
     The kernel takes `args`, then the first item and the one after the last. Each item is worked out by itself, so the
     result is the same for any number of threads.
     """
-    threads = int(numba.config.NUMBA_NUM_THREADS)
-    if count <= FEW or threads == 1:
+    if count <= FEW or numba.get_num_threads() == 1:
         kernel(*args, 0, count)
         return
+    workers = int(numba.get_num_threads())
     kernel(*args, 0, 1)  # compiled or loaded before the threads would all wait for it
-    piece = min(max(-(-count // (8 * threads)), FEW // 2), 1 << 16)
-    with ThreadPoolExecutor(threads) as pool:
+    piece = min(max(-(-count // (8 * workers)), FEW // 2), 1 << 16)
+    with ThreadPoolExecutor(workers) as pool:
         for done in [pool.submit(kernel, *args, start, min(start + piece, count)) for start in range(1, count, piece)]:
             done.result()
+
+
+@contextlib.contextmanager
+def threads(count: int | None) -> Iterator[int]:
+    """Let batches run on `count` threads inside the block (None: all there are); yields how many that is."""
+    before = int(numba.get_num_threads())
+    numba.set_num_threads(count or int(numba.config.NUMBA_NUM_THREADS))
+    try:
+        yield int(numba.get_num_threads())
+    finally:
+        numba.set_num_threads(before)
