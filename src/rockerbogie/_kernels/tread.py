@@ -137,9 +137,11 @@ def least_gap(
             if not bound[k] >= max(best[GAP] - TIE, keep) and (first or j != wj or i + k != wi):
                 x0, y0 = (i + k) * dx - w[HX], j * dy - w[HY]
                 if cubic:
-                    # a cell larger than the wheel is searched where the wheel is
+                    # a cell larger than the wheel is searched where the wheel is, and a little beyond: a rim that only just
+                    # reaches its own bounds would else be lost to rounding
+                    far_x, far_y = 1.001 * out_x, 1.001 * out_y
                     count = search_curved_cell(
-                        grid, meta, w, i + k, j, max(x0, -out_x), min(x0 + dx, out_x), max(y0, -out_y), min(y0 + dy, out_y),
+                        grid, meta, w, i + k, j, max(x0, -far_x), min(x0 + dx, far_x), max(y0, -far_y), min(y0 + dy, far_y),
                         bends, ends, best, keep, found, count,
                     )  # fmt: skip
                     if count < 0:
