@@ -84,15 +84,16 @@ def settle_along(rover: Rover, terrain: Terrain, run: xr.Dataset) -> xr.Dataset:
 def compare(run: xr.Dataset, sim: xr.Dataset) -> Comparison:
     """RMS and worst difference of height, attitude, joint and contact angles between two runs, record by record.
 
-    Both must stand at the same x, y and yaw throughout: a simulated rover sways and skids off its path, and an angle some centimetres
-    further on is another angle. `settle_along(rover, terrain, sim)` gives the kinematic run that fits a simulation.
+    Both must stand at the same x, y and yaw throughout: a simulated rover sways and skids off its path, and some centimetres
+    further on the ground is another. `settle_along(rover, terrain, sim)` gives the kinematic run that fits a simulation.
 
     Raises:
         RockerbogieError: the runs stand at different places, or differ in length.
     """
     if run.sizes["time"] != sim.sizes["time"]:
         raise RockerbogieError(
-            f"the runs have {run.sizes['time']} and {sim.sizes['time']} records; compare settle_along(rover, terrain, sim) with sim"
+            f"the runs have {run.sizes['time']} and {sim.sizes['time']} records: "
+            "compare settle_along(rover, terrain, sim) with sim"
         )
     apart = max(float(np.abs(run[name].to_numpy() - sim[name].to_numpy()).max()) for name in ("x", "y"))
     turned = float(np.abs(_wrap(run["yaw"].to_numpy() - sim["yaw"].to_numpy())).max())
@@ -109,7 +110,9 @@ def compare(run: xr.Dataset, sim: xr.Dataset) -> Comparison:
         if unit == "rad":
             difference = _wrap(difference)
         labels = [name] if dim is None else [f"{name} {label}".replace("_", " ") for label in sim[dim].to_numpy()]
-        channels += [_channel(label, unit, column, distance) for label, column in zip(labels, np.atleast_2d(difference.T), strict=True)]
+        channels += [
+            _channel(label, unit, column, distance) for label, column in zip(labels, np.atleast_2d(difference.T), strict=True)
+        ]
     return Comparison(tuple(channels))
 
 
@@ -119,7 +122,9 @@ def _channel(name: str, unit: str, difference: Array, distance: Array) -> Channe
         return Channel(name, unit, np.nan, np.nan, np.nan, 0)
     size = np.where(known, np.abs(difference), -1.0)
     k = int(np.argmax(size))
-    return Channel(name, unit, float(np.sqrt(np.mean(difference[known] ** 2))), float(size[k]), float(distance[k]), int(known.sum()))
+    return Channel(
+        name, unit, float(np.sqrt(np.mean(difference[known] ** 2))), float(size[k]), float(distance[k]), int(known.sum())
+    )
 
 
 def _wrap(angle: Array) -> Array:

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import RoverError, TerrainError
+from .differential import quartic
+from .errors import TerrainError
 from .formats.mjcf import exact_text
 from .frames import ON_BOGIE, WHEEL_SIDE
 from .rover import Link, Rover
@@ -34,17 +35,17 @@ SOLIMP = (0.9, 0.9, 0.001, 0.5, 2.0)
 TIE_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 #: The triangles under the wheels stay this close to the ground they stand for, m, as far as the coarsest cells below allow.
 TRIANGLE_ERROR = 1e-4
-#: Cells no finer than these shares of a wheel's radius and breadth: the first keeps a contact's dent well inside a cell, the second
-#: keeps a wheel within the 50 contacts MuJoCo holds for a pair of geoms.
+#: Cells no finer than these shares of a wheel's radius and breadth: the first keeps a contact's dent well inside a cell, the
+#: second keeps a wheel within the 50 contacts MuJoCo holds for a pair of geoms.
 CELL_OF_RADIUS, CELL_OF_BREADTH = 1 / 10, 1 / 8
 #: Most nodes of a height field.
 MOST_NODES = 20_000_000
 #: Links without mass get this share of the rover's: a simulator cannot move what has none.
 LEAST_MASS_SHARE = 1e-4
-TIMESTEP = 0.004
+TIMESTEP = 0.005
 IMPRATIO = 1.0
-#: Motors. Behind its gears each turns as hard to speed up as this share of the rover's mass at the wheel's rim, which is nothing at
-#: rover speeds; its servo damps within SERVO_TIME and pulls back what it lags within LAG_TIME, s.
+#: Motors. Behind its gears each has the inertia of this share of the rover's mass at the wheel's rim, which is nothing at rover
+#: speeds; a hub's servo makes up its rate within SERVO_TIME, a steering servo its angle within LAG_TIME, s.
 ROTOR_SHARE, SERVO_TIME, LAG_TIME = 0.7, 0.02, 0.1
 
 
@@ -65,7 +66,7 @@ def to_mjcf(
         friction: coefficient of sliding friction between wheels and ground.
 
     Raises:
-        RoverError: the differential's polynomial is above the fourth power, which MuJoCo's joint equality cannot hold.
+        RoverError: a differential above the fourth power, MuJoCo's highest, that no quartic follows over the rocker's stops.
         TerrainError: no known ground in the region.
     """
     spec = build_spec(rover, terrain, region=region, cell=cell, friction=friction)
@@ -202,7 +203,9 @@ def default_cell(rover: Rover, terrain: Terrain, region: Region | None = None) -
     _, _, z = sample_ground(terrain, region, step / 2)
     middle, corners = z[1:-1:2, 1:-1:2], (z[:-2:2, :-2:2], z[2::2, 2::2], z[:-2:2, 2::2], z[2::2, :-2:2])
     error = max(float(np.abs(middle - (a + b) / 2).max()) for a, b in (corners[:2], corners[2:]))
-    return max(step / max(np.sqrt(error / TRIANGLE_ERROR), 1.0), coarsest)  # a triangle's error falls with its cell's square
+    return float(
+        max(step / max(np.sqrt(error / TRIANGLE_ERROR), 1.0), coarsest)
+    )  # a triangle's error falls with its cell's square
 
 
 def _nodes(own: Array, low: float, high: float, cell: float) -> Array:
@@ -286,9 +289,7 @@ def _add_differential(spec: Any, rover: Rover) -> None:
 
     c = np.trim_zeros(rover.differential, "b")
     if len(c) > 5:
-        raise RoverError(
-            f"rover {rover.name!r} has a differential of power {len(c) - 1}; MuJoCo's joint equality ends at 4: fit a quartic over the rocker's range"
-        )
+        c = quartic(c, rover.rocker_limits)
     tie = spec.add_equality(
         name="differential",
         type=mujoco.mjtEq.mjEQ_JOINT,

@@ -30,7 +30,10 @@ class Record:
     hinge: Array  # (4,) HINGES
     hinge_rate: Array  # (4,)
     steering: Array  # (6,)
+    wheel_angle: Array  # (6,)
     wheel_rate: Array  # (6,)
+    wheel_motion: Array  # (6, 6) of each wheel in the world: velocity of its hub, angular velocity
+    contact_normal: Array  # (6, 3)
     contact_point: Array  # (6, 3) where the greatest contact force of each wheel acts, world; nan in the air
     contact_force: Array  # (6,) sum of the forces along the contact normals
     body_force: float  # and of those on the body's box
@@ -50,6 +53,7 @@ class Rig:
         self._hinge_q = _indices("qposadr", [model.joint(name) for name in HINGES])
         self._hinge_v = _indices("dofadr", [model.joint(name) for name in HINGES])
         self._steer_q = _indices("qposadr", [model.joint(f"steer_{name}") for name in turning])
+        self._wheel_q = _indices("qposadr", [model.joint(f"wheel_{name}") for name in names])
         self._wheel_v = _indices("dofadr", [model.joint(f"wheel_{name}") for name in names])
         self._steer_motor = _indices("id", [model.actuator(f"steer_{name}") for name in turning])
         self._wheel_motor = _indices("id", [model.actuator(f"wheel_{name}") for name in names])
@@ -95,8 +99,19 @@ class Rig:
         x, y, _, qw, qx, qy, qz = self.data.qpos[:7]
         return float(x), float(y), float(np.arctan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy**2 + qz**2)))
 
+    @property
+    def hubs(self) -> Array:
+        """(6, 3) in the world, as of the last step, m."""
+        return np.asarray(self.data.geom_xpos[self._geoms[:6]])
+
+    @property
+    def upright(self) -> float:
+        """Cosine of the angle between the body's z and the vertical."""
+        _, qx, qy, _ = self.data.qpos[3:7]
+        return float(1 - 2 * (qx**2 + qy**2))
+
     def contact_normals(self) -> Array:
-        """(6, 3) up from the ground into each wheel, where several touch their mean by force; straight up in the air. As of the last step."""
+        """(6, 3) up from the ground into each wheel, where several touch their mean by force; straight up in the air."""
         push = self._push()[:, :6]
         normal = np.reshape(self.data.contact.frame, (-1, 9))[:, :3]
         mean = push.T @ (normal * np.sign(normal[:, 2:]))
@@ -108,6 +123,15 @@ class Rig:
         contact = self.data.contact
         touches = (np.reshape(contact.geom, (-1, 2))[:, None, :] == self._geoms[:, None]).any(axis=-1)
         return np.where(touches, self.data.efc_force[contact.efc_address][:, None], 0.0)
+
+    def _wheel_motion(self) -> Array:
+        """(6, 6) of each wheel in the world: velocity of its hub, angular velocity. As of the last step."""
+        import mujoco
+
+        spin_first = np.zeros((6, 6))
+        for found, geom in zip(spin_first, self._geoms[:6], strict=True):
+            mujoco.mj_objectVelocity(self.model, self.data, mujoco.mjtObj.mjOBJ_GEOM, geom, found, 0)
+        return np.roll(spin_first, 3, axis=1)
 
     def record(self) -> Record:
         """Read everything at this instant."""
@@ -126,7 +150,8 @@ class Rig:
         return Record(
             time=data.time, place=data.qpos[:7].copy(), velocity=data.qvel[:6].copy(),
             hinge=data.qpos[self._hinge_q], hinge_rate=data.qvel[self._hinge_v],
-            steering=steering, wheel_rate=data.qvel[self._wheel_v],
+            steering=steering, wheel_angle=data.qpos[self._wheel_q], wheel_rate=data.qvel[self._wheel_v],
+            wheel_motion=self._wheel_motion(), contact_normal=self.contact_normals(),
             contact_point=point, contact_force=force[:6], body_force=float(force[6]),
             wheel_rate_command=self._command[0], steering_command=self._command[1],
         )  # fmt: skip

@@ -1,6 +1,6 @@
 """A drive in MuJoCo: six driven wheels on the same ground, under gravity, with friction. The second opinion on `drive`.
 
-Of the kinematic model it takes the height to let the rover down from, and nothing after.
+Of the kinematic model it takes where to let the rover down and how fast to ask each wheel to turn; what comes of it is MuJoCo's.
 """
 
 from __future__ import annotations
@@ -15,13 +15,14 @@ from . import __version__
 from .dataset import VARIABLES, run_dataset
 from .drive import ackermann, drive, summary
 from .errors import PathError, RockerbogieError
-from .frames import wheel_frames
+from .frames import check_steering, wheel_frames
 from .mjcf import Region, build_spec
 from .path import Path
 from .pose import Pose
 from .rigid_body import Record, Rig
 from .rover import Rover
 from .settle import settle
+from .slip import slip_ratio
 from .status import Status
 from .terrain import Terrain
 
@@ -37,10 +38,12 @@ Driver = Callable[[float, Rig], tuple[Array, Array]]
 LET_DOWN, STAND = 2e-5, 0.5
 #: The motors get new commands this often, s.
 CONTROL_PERIOD = 0.02
-#: Path feedback, for a wheelbase L: speed for distance behind, 1/s; curvature for heading off, 1/L, and for distance off the line, 1/L².
-ALONG_GAIN, YAW_GAIN, ACROSS_GAIN = 1.0, 3.0, 3.0
+#: Path feedback, for a wheelbase L: speed for distance behind, 1/s; curvature for heading off, 1/L, and for distance aside, 1/L².
+ALONG_GAIN, YAW_GAIN, ACROSS_GAIN = 1.0, 4.0, 2.0
 #: The most it asks for: this times the speed, and a curvature of this over L.
-MOST_HASTE, MOST_BEND = 2.0, 0.5
+MOST_HASTE, MOST_BEND = 2.0, 2.0
+#: A wheel that bears nothing counts as lifted when its tread is further than this from the ground, m: less is a hop.
+LIFTED_GAP = 1e-3
 
 #: What a simulated run holds besides a run's own variables: dims, units, long name.
 EXTRA = {
@@ -50,6 +53,10 @@ EXTRA = {
     "wx": ((), "rad/s", "angular velocity of the body about its x"),
     "wy": ((), "rad/s", "angular velocity of the body about its y"),
     "wz": ((), "rad/s", "angular velocity of the body about its z"),
+    "wheel_angle": (("wheel",), "rad", "angle the wheel has turned against its link, forward positive"),
+    "roll_slip": (("wheel",), "m/s", "slip of the tread along the wheel's way, further than rolled positive"),
+    "side_slip": (("wheel",), "m/s", "slip of the tread across the wheel's way, to its left"),
+    "slip_ratio": (("wheel",), "1", "rim's speed less the hub's along the wheel's way, as a share of the greater"),
     "contact_force": (("wheel",), "N", "force of the ground on the wheel, along the contact normals"),
     "wheel_rate_command": (("wheel",), "rad/s", "turning rate asked of the wheel's motor"),
     "steering_command": (("wheel",), "rad", "steering angle asked of the wheel's motor"),
@@ -69,23 +76,24 @@ def simulate(
 ) -> xr.Dataset:
     """Drive a rover along a path in MuJoCo.
 
-    Speed and steering follow the path's own, corrected by where the rover is; each wheel is asked for the speed that its own slope
-    needs. Wheels that do not steer skid through a turn.
+    Each wheel is asked for the rate that `drive` finds at that place, and steered by the path's curvature, both corrected by where
+    the rover is. On side slopes the body sways over wheels that hold their track, and wheels that do not steer skid through turns:
+    compare at the simulation's own places (`compare`).
 
     Args:
         path: where to go. The rover must be able to stand at its start, and its wheels must stay on known ground.
         speed: along the path, seen from above, m/s, above 0.
         interval: between records, s; made a whole number of `CONTROL_PERIOD`.
         friction: coefficient of sliding friction between wheels and ground.
-        commands: follow these instead, open loop, from the path's start until they end: a Dataset with `wheel_rate` (time, wheel),
-            rad/s, and `steering` (time, wheel), rad, as `drive` and `simulate` give them; linear in between.
+        commands: follow these instead, open loop, from the path's start until they end: a Dataset with `wheel_rate`, rad/s, and
+            `steering`, rad, over (time, wheel), as `drive` and `simulate` give them; linear in between.
         progress: called with the share done, 0 to 1, at every record.
 
     Returns:
         Dataset over `time` as from `drive` (docs/design.md), but measured: `distance` is what the body travelled over the map,
         `contact_point` and `contact_angle` are those of MuJoCo's greatest contact force on each wheel (nan in the air), `gap` and
         `clearance` those of the measured pose over the terrain itself, the rates MuJoCo's own. Besides: `vx` … `wz`, the body's
-        twist in its own frame; `contact_force`; `wheel_rate_command` and `steering_command`. It ends early if the rover tips over.
+        twist in its own frame, and the rest of `EXTRA`. It ends early if the rover tips over or strays off the ground.
 
     Raises:
         PathError: the rover cannot stand at the path's start, or the path leaves known ground; a speed that is not above 0.
@@ -95,12 +103,14 @@ def simulate(
     """
     if not (np.isfinite(speed) and speed > 0):
         raise PathError(f"speed is {speed} m/s; give one above 0 (to go backwards, give a path that faces back)")
+    if not (np.isfinite(interval) and interval > 0):
+        raise RockerbogieError(f"interval is {interval} s; give one above 0")
     _check_ground(rover, terrain, path)
     if commands is None:
-        driver, duration = _follower(rover, terrain, path, speed), path.length / speed
+        driver, duration, stray = _follower(rover, terrain, path, speed), path.length / speed, 0.0
     else:
-        driver, duration = _player(rover, commands)
-    region = _surroundings(rover, path)
+        driver, duration, stray = _player(rover, commands)
+    region = _surroundings(rover, terrain, path, stray)
     rig = Rig(rover, build_spec(rover, terrain, region=region, friction=friction).compile())
     rig.place(_start(rover, terrain, path), LET_DOWN)
     rig.command(np.zeros(6), driver(0.0, rig)[1])
@@ -115,7 +125,7 @@ def simulate(
         records.append(rig.record())
         if progress is not None:
             progress(k / count)
-        if _tilt_cosine(records[-1]) < 0:
+        if _lost(rig, region):
             break
     attrs = {
         "terrain": terrain.name,
@@ -139,7 +149,7 @@ def _start(rover: Rover, terrain: Terrain, path: Path) -> Pose:
     pose = settle(rover, terrain, at.x, at.y, at.yaw, steering=ackermann(rover, at.curvature, at.course - at.yaw))
     if not np.isfinite(pose.q).all():
         raise PathError(
-            f"the rover does not settle at the path's start ({at.x:g}, {at.y:g}) m: {Status(int(pose.status)).name}; start elsewhere"
+            f"the rover does not settle at the path's start ({at.x:g}, {at.y:g}) m ({Status(int(pose.status)).name}): start elsewhere"
         )
     return pose
 
@@ -160,55 +170,71 @@ def _check_ground(rover: Rover, terrain: Terrain, path: Path) -> None:
         )
 
 
-def _surroundings(rover: Rover, path: Path) -> Region:
-    """The ground the rover may come to: its own reach around the path, and as much again for straying."""
-    reach = 2 * float((np.hypot(rover.hubs[:, 0], rover.hubs[:, 1]) + rover.wheel_radius + rover.wheel_width / 2).max())
-    at = path.sample(np.linspace(0.0, path.length, 2 + int(path.length / reach * 10)))
-    return at.x.min() - reach, at.y.min() - reach, at.x.max() + reach, at.y.max() + reach
+def _surroundings(rover: Rover, terrain: Terrain, path: Path, stray: float) -> Region:
+    """The ground the rover may come to: twice its own reach around the path, and `stray` m more, as far as there is any."""
+    reach = stray + 2 * float((np.hypot(rover.hubs[:, 0], rover.hubs[:, 1]) + rover.wheel_radius + rover.wheel_width / 2).max())
+    at = path.sample(np.linspace(0.0, path.length, 2 + int(path.length / rover.wheelbase * 10)))
+    xmin, ymin, xmax, ymax = terrain.bounds
+    low, high = (float(a.min()) - reach for a in (at.x, at.y)), (float(a.max()) + reach for a in (at.x, at.y))
+    return max(next(low), xmin), max(next(low), ymin), min(next(high), xmax), min(next(high), ymax)
+
+
+def _lost(rig: Rig, region: Region) -> bool:
+    """Whether the rover lies on its side, or a hub is beyond the ground laid out."""
+    xmin, ymin, xmax, ymax = region
+    x, y, _ = rig.hubs.T
+    return rig.upright <= 0 or not bool(((x >= xmin) & (x <= xmax) & (y >= ymin) & (y <= ymax)).all())
 
 
 def _follower(rover: Rover, terrain: Terrain, path: Path, speed: float) -> Driver:
-    """Follows the path: what `drive` says of its wheels there, and a pull back to where the rover should be by now."""
+    """Follows the path: as fast as `drive` says each wheel turns there, with a pull back to where the rover should be by now.
+
+    Wheels that do not steer roll true only about a centre beside them. Where they stand off the body's reference point, the body
+    of a turning rover faces a little inward of its course, and is let do so.
+    """
     plan = drive(rover, terrain, path, speed)
-    planned, planned_distance = np.nan_to_num(plan["wheel_rate"].to_numpy(), nan=speed / rover.wheel_radius.mean()), plan["distance"].to_numpy()
+    planned = np.nan_to_num(plan["wheel_rate"].to_numpy(), nan=speed / float(rover.wheel_radius.mean()))
+    planned_at = plan["distance"].to_numpy()
     size = rover.wheelbase
+    fixed = 0.0 if rover.steers.all() else float(rover.hubs[~rover.steers, 0].mean())
 
     def follow(time: float, rig: Rig) -> tuple[Array, Array]:
         x, y, yaw = rig.heading
         due = min(speed * time, path.length)
         at = path.sample(due)
         c, s = np.cos(at.course), np.sin(at.course)
-        ahead, across = c * (x - at.x) + s * (y - at.y), -s * (x - at.x) + c * (y - at.y)
-        off = (yaw - at.yaw + np.pi) % (2 * np.pi) - np.pi
+        ahead, across = c * (x - at.x) + s * (y - at.y), c * (y - at.y) - s * (x - at.x)
+        inward = np.arctan(at.curvature * fixed)
+        off = (yaw - at.yaw - inward + np.pi) % (2 * np.pi) - np.pi
         v = np.clip(speed - ALONG_GAIN * ahead, 0.0, MOST_HASTE * speed)
         bend = -np.clip(YAW_GAIN * off / size + ACROSS_GAIN * across / size**2, -MOST_BEND / size, MOST_BEND / size)
-        angle = ackermann(rover, at.curvature + bend, at.course - at.yaw)
-        rate = np.array([np.interp(due + ahead, planned_distance, column) for column in planned.T])
-        swing = bend * (np.sin(angle) * rover.hubs[:, 0] - np.cos(angle) * rover.hubs[:, 1])  # of each wheel along its way, a metre
-        return v * (rate / speed + swing / rover.wheel_radius), angle
+        angle = ackermann(rover, at.curvature + bend, at.course - at.yaw - inward)
+        rate = np.array([np.interp(due + ahead, planned_at, column) for column in planned.T])
+        swing = np.sin(angle) * rover.hubs[:, 0] - np.cos(angle) * rover.hubs[:, 1]  # of each hub along its way, per radian
+        return v * (rate / speed + bend * swing / rover.wheel_radius), angle
 
     return follow
 
 
-def _player(rover: Rover, commands: xr.Dataset) -> tuple[Driver, float]:
-    """Plays recorded commands, and how long they last, s."""
+def _player(rover: Rover, commands: xr.Dataset) -> tuple[Driver, float, float]:
+    """Plays recorded commands; how long they last, s, and how far they can take the rover, m."""
     missing = {"wheel_rate", "steering", "time"} - set(map(str, commands.variables))
     if missing:
         raise RockerbogieError(f"commands hold no {', '.join(sorted(missing))}; give wheel_rate and steering over (time, wheel)")
     time = commands["time"].to_numpy() - float(commands["time"][0])
     rate, angle = (commands[name].transpose("time", "wheel").to_numpy() for name in ("wheel_rate", "steering"))
-    if (
-        rate.shape != (len(time), 6)
-        or angle.shape != (len(time), 6)
-        or not (np.isfinite(rate).all() and np.isfinite(angle).all())
-    ):
-        raise RockerbogieError(f"commands have shapes {rate.shape} and {angle.shape}; give finite values ({len(time)}, 6)")
+    if rate.shape[1] != 6 or len(time) < 2 or not (np.isfinite(rate).all() and np.isfinite(angle).all()):
+        raise RockerbogieError(
+            f"commands have shape {rate.shape}; give two times or more, and six finite wheel rates and angles at each"
+        )
+    check_steering(rover, angle)
 
     def play(now: float, rig: Rig) -> tuple[Array, Array]:
-        both = [np.array([np.interp(now, time, column) for column in table.T]) for table in (rate, angle)]
-        return both[0], np.where(rover.steers, both[1], 0.0)
+        rates, angles = (np.array([np.interp(now, time, column) for column in table.T]) for table in (rate, angle))
+        return rates, angles
 
-    return play, float(time[-1])
+    travel = float(np.trapezoid(np.abs(rate * rover.wheel_radius).max(axis=1), time))
+    return play, float(time[-1]), travel
 
 
 def _measured(rover: Rover, terrain: Terrain, records: list[Record], attrs: dict[str, object]) -> xr.Dataset:
@@ -247,12 +273,25 @@ def _measured(rover: Rover, terrain: Terrain, records: list[Record], attrs: dict
     attrs["status_summary"] = summary(status, distance)
     run = run_dataset(rover, time, distance, values, attrs)
     twist = np.concatenate([np.einsum("nji,nj->ni", R, linear), w], axis=-1)
-    more = {name: got[name] for name in ("contact_force", "wheel_rate_command", "steering_command")} | dict(
-        zip(EXTRA, twist.T, strict=False)
-    )
+    more = {name: got[name] for name in ("wheel_angle", "contact_force", "wheel_rate_command", "steering_command")}
+    more |= dict(zip(EXTRA, twist.T, strict=False)) | _slip(rover, axle, got)
     return run.assign(
         {name: (("time", *dims), more[name], {"units": u, "long_name": text}) for name, (dims, u, text) in EXTRA.items()}
     )
+
+
+def _slip(rover: Rover, axle: Array, got: dict[str, Array]) -> dict[str, Array]:
+    """How each tread moves over the ground, of MuJoCo's own velocities and contacts; nan in the air."""
+    y, normal = axle[..., :3, 1], got["contact_normal"]
+    forward = np.cross(y, normal)
+    forward /= np.linalg.norm(forward, axis=-1, keepdims=True)
+    hub, spin = got["wheel_motion"][..., :3], got["wheel_motion"][..., 3:]
+    tread = hub + np.cross(spin, got["contact_point"] - axle[..., :3, 3])
+    travel, rim = (hub * forward).sum(axis=-1), rover.wheel_radius * (spin * y).sum(axis=-1)
+    side = (tread * np.cross(normal, forward)).sum(axis=-1)
+    in_air = got["contact_force"] <= 0
+    slip = {"roll_slip": travel - rim, "side_slip": side, "slip_ratio": slip_ratio(rim, travel)}
+    return {name: np.where(in_air, np.nan, values) for name, values in slip.items()}
 
 
 def _status(pose: Pose, wheel_force: Array, body_force: Array, upright: Array) -> NDArray[np.uint8]:
@@ -261,15 +300,11 @@ def _status(pose: Pose, wheel_force: Array, body_force: Array, upright: Array) -
     limits = ((pose.rocker[:, None], pose.rover.rocker_limits), (pose.bogie, pose.rover.bogie_limits))
     for angle, (low, high) in limits:
         status[((angle <= low) | (angle >= high)).any(axis=-1)] = Status.JOINT_STOP
-    status[(wheel_force <= 0).any(axis=-1)] = Status.WHEEL_LIFTED
+    status[((wheel_force <= 0) & (pose.gap > LIFTED_GAP)).any(axis=-1)] = Status.WHEEL_LIFTED
     status[body_force > 0] = Status.BELLY_CONTACT
     status[np.isnan(pose.gap).any(axis=-1)] = Status.NO_DATA
     status[upright <= 0] = Status.TIPPED
     return status
-
-
-def _tilt_cosine(record: Record) -> float:
-    return float(_rotation(record.place[3:])[2, 2])
 
 
 def _rotation(quaternion: Array) -> Array:
