@@ -161,3 +161,18 @@ def test_settles_with_a_bar() -> None:
         assert np.isfinite(frames).all()
         assert_close(pose.gap, np.zeros(6), 1e-6, "m", "all wheels touch")
     assert abs(float(a.rocker - b.rocker)) > 0
+
+
+def test_a_quartic_stands_for_it_in_mujoco() -> None:
+    """MuJoCo's equality ends at the fourth power; the bar's rover is exported with the nearest, 4e-4 rad off at 32 deg."""
+    mujoco = pytest.importorskip("mujoco")
+    base = rover()
+    real = base.replace(differential=BAR.polynomial(base.rocker_pivot[0], REACH))
+    model = mujoco.MjModel.from_xml_string(rb.to_mjcf(real))
+    held = np.polynomial.Polynomial(model.eq_data[0][:5])
+    left = np.linspace(*REACH, 1001)
+    assert_close(held(left), real.right_rocker(left), 4e-4, "rad", "the quartic over the whole reach")
+    near = left[np.abs(left) < np.radians(14.5)]
+    assert_close(held(near), real.right_rocker(near), 2.5e-4, "rad", "and where it works")
+    with pytest.raises(rb.RoverError, match="needs the rocker's stops"):
+        rb.to_mjcf(real.replace(rocker_limits=np.array([-np.inf, np.inf])))
