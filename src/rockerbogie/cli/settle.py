@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from cyclopts import Parameter
 from numpy.typing import NDArray
 from rich import box
 from rich.console import Console
@@ -38,7 +39,7 @@ def settle(
     *,
     terrain: TerrainName,
     rover: RoverName = "elhami-dashti",
-    at: str | None = None,
+    at: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None,
     yaw: float = 0.0,
     steering: str | None = None,
     mode: Literal["contact", "equilibrium"] = "contact",

@@ -46,7 +46,7 @@ def crossing_gif(
         fig = figure(_WIDTH / 100, (height + _CHART) / 100)
         fig.set_layout_engine("none")
         scene = fig.add_axes((0, _CHART / (height + _CHART), 1, height / (height + _CHART)))
-        chart = fig.add_axes((0.075, 0.42 * _CHART / (height + _CHART), 0.74, 0.5 * _CHART / (height + _CHART)))
+        chart = fig.add_axes((0.075, 0.27 * _CHART / (height + _CHART), 0.74, 0.66 * _CHART / (height + _CHART)))
         lines = (
             ("pitch", run["pitch"], COLOURS["pitch"]),
             ("roll", run["roll"], COLOURS["roll"]),
@@ -69,6 +69,9 @@ def crossing_gif(
             canvas.draw()  # type: ignore[no-untyped-call]
             pictures.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))  # type: ignore[no-untyped-call]
             progress((done + 1) / frames)
-    palette = pictures[len(pictures) // 2].quantize(256, kmeans=2)
+    colours = np.array(pictures[len(pictures) // 2].quantize(256, kmeans=2).getpalette()).reshape(-1, 3)
+    colours[colours.sum(axis=1).argmax()] = 255  # paper white, which averaging has greyed
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(colours.ravel().tolist())
     still = [p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures]
     still[0].save(file, save_all=True, append_images=still[1:], duration=[_FRAME] * (frames - 1) + [1200], loop=0, optimize=True)
