@@ -70,7 +70,7 @@ def crossing_gif(
             pictures.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))  # type: ignore[no-untyped-call]
             progress((done + 1) / frames)
     colours = np.array(pictures[len(pictures) // 2].quantize(256, kmeans=2).getpalette()).reshape(-1, 3)
-    colours[colours.sum(axis=1).argmax()] = 255  # paper white, which averaging has greyed
+    colours[colours.min(axis=1) > 248] = 255  # paper white, which averaging has greyed
     palette = Image.new("P", (1, 1))
     palette.putpalette(colours.ravel().tolist())
     still = [p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures]
