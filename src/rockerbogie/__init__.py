@@ -18,13 +18,17 @@ if TYPE_CHECKING:
     from .actuation import wheel_commands as wheel_commands
     from .compare import compare as compare
     from .compare import settle_along as settle_along
+    from .differential import DifferentialBar as DifferentialBar
     from .drive import drive as drive
     from .errors import PathError as PathError
     from .errors import RockerbogieError as RockerbogieError
     from .errors import RoverError as RoverError
     from .errors import TerrainError as TerrainError
+    from .formats import Import as Import
+    from .formats import import_rover as import_rover
     from .formats import load_rover as load_rover
     from .formats import to_sdf as to_sdf
+    from .formats import to_toml as to_toml
     from .formats import to_urdf as to_urdf
     from .frames import body_transform as body_transform
     from .frames import contact_frames as contact_frames
@@ -61,6 +65,10 @@ _EXPORTS = {
     "Rover": "rover",
     "Link": "rover",
     "load_rover": "formats",
+    "import_rover": "formats",
+    "Import": "formats",
+    "DifferentialBar": "differential",
+    "to_toml": "formats",
     "to_urdf": "formats",
     "to_sdf": "formats",
     "wheel_frames": "frames",

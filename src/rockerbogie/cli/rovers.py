@@ -77,6 +77,7 @@ def new(file: Path, /, *, like: str = "curiosity") -> None:
         raise RockerbogieError(f"{str(file)!r} is there already: give another name, or remove it first")
     _write(file, lambda: file.write_text(to_toml(rover, options=True), encoding="utf-8"))
     print(f"{file}: change the numbers, then `rockerbogie rovers {file}`")
+    print("Its first line names a schema for your editor: `rockerbogie rovers schema rover.schema.json` puts that beside it.")
 
 
 @app.command(name="import")
