@@ -166,6 +166,21 @@ def test_ratios_are_followed_back(given: tuple[str, float, str, float], expected
     assert_close(got.rover.differential, (0.0, expected), 1e-15, "", "the ratio between the rockers")
 
 
+def test_a_locked_joint_stands_where_it_is_locked() -> None:
+    """A mast folded for driving, locked at a quarter turn: its weight is where it lies."""
+    truth = rb.load_rover("curiosity")
+    quarter = f'<limit lower="{-np.pi / 2}" upper="{-np.pi / 2}" effort="1" velocity="1"/>'
+    mast = (
+        '<link name="mast"><inertial><origin xyz="0 0 1"/><mass value="10"/>'
+        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="fold" type="revolute"><origin xyz="0.5 0 1"/><parent link="base_link"/><child link="mast"/>'
+        f'<axis xyz="0 1 0"/>{quarter}</joint></robot>'
+    )
+    body = take(to_urdf(truth).replace("</robot>", mast)).rover.body
+    expected = (truth.body.mass * truth.body.com + 10 * np.array([-0.5, 0.0, 1.0])) / (truth.body.mass + 10)
+    assert_close(body.com, expected, 1e-12, "m", "the mast lies backwards")
+
+
 def test_overruling_who_is_who() -> None:
     """A file whose search would go elsewhere: the wheels' joints named outright, in any order."""
     truth = rb.load_rover("curiosity")
@@ -174,6 +189,8 @@ def test_overruling_who_is_who() -> None:
     got = take(text, joints={"wheels": wheels, "steering": ["steer_LF_joint", "steer_RF_joint"]})
     assert_geometry(got.rover, truth, 1e-12)
     assert got.rover.steers.tolist() == [True, True, False, False, False, False]
+    with pytest.raises(rb.RoverError, match="joint 'steer_LF_joint' is no rocker"):
+        take(text, joints={"rockers": ["steer_LF_joint", "steer_RF_joint"]})
     with pytest.raises(rb.RoverError, match="no joint named 'wheel_LX_joint'; did you mean 'wheel_"):
         take(text, joints={"wheels": ["wheel_LX_joint"]})
     with pytest.raises(rb.RoverError, match="no role of joints named 'wheel'; did you mean 'wheels'"):

@@ -75,6 +75,9 @@ def find_roles(tree: Tree, what: str, joints: dict[str, Sequence[str]], forward:
                 raise RoverError(f"{what}: {unknown_name('joint', name, tree.joints)}")
     search = _Search(tree, what, joints, freed=list(joints.get("rockers", ())))
     roles = search.run(forward, up)
+    turning = [r.joint.name for r in (*roles.rockers, *roles.arms) if r is not None]
+    if wrong := [name for name in joints.get("rockers", ()) if name not in turning]:
+        raise RoverError(f"{what}: joint {wrong[0]!r} is no rocker: none of the bogies hangs on what it carries")
     if roles.rockers[0] is None and (pivots := search.fixed_pivots(roles)):
         roles = _Search(tree, what, joints, freed=pivots).run(forward, up)
         roles.freed = True
@@ -92,8 +95,7 @@ class _Search:
         self.inbound: dict[str, Hinge] = {}
         for link in tree.order[1:]:
             joint = tree.inbound[link]
-            locked = joint.limits is not None and joint.limits[0] == joint.limits[1]
-            if joint.name in freed or (joint.kind == "hinge" and not locked):
+            if joint.name in freed or (joint.kind == "hinge" and not joint.locked):
                 axis = joint.axis if joint.axis is not None else np.array([0.0, 1.0, 0.0])
                 T = self.T[link]
                 self.groups[link] = link

@@ -14,9 +14,8 @@ from .tree import Joint, Part, Shape, Tree, place
 
 Array = NDArray[np.float64]
 
-#: Assets and what uses them: looks, ground and skins, none of which the mechanism needs.
-ASSETS = ("mesh", "hfield", "texture", "material", "skin", "model")
-NEEDS_ASSET = ("mesh", "hfield", "material", "meshfile")
+#: What the mechanism does without: it may read other files, or lean on what did.
+SPARE = ("asset", "sensor", "keyframe", "actuator", "tendon", "contact", "extension", "custom")
 
 
 def read_mjcf(data: bytes | str, what: str = "model.xml") -> Tree:
@@ -44,15 +43,9 @@ def _strip(root: Element) -> None:
     """Take out what would read other files, and what leans on it."""
     for parent in root.iter():
         for child in list(parent):
-            tied = child.tag == "geom" and any(child.get(key) for key in ("mesh", "hfield"))
-            if (
-                tied
-                or child.tag == "asset"
-                or child.tag in ("sensor", "keyframe", "actuator", "tendon", "contact", "extension", "custom")
-            ):
+            if child.tag in SPARE or (child.tag == "geom" and (child.get("mesh") or child.get("hfield"))):
                 parent.remove(child)
-            elif child.get("material"):
-                del child.attrib["material"]
+            child.attrib.pop("material", None)
 
 
 def _tree(model: Any, mujoco: Any, name: str, what: str) -> Tree:

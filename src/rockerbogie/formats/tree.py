@@ -60,6 +60,11 @@ class Joint:
     limits: tuple[float, float] | None = None
     mimic: tuple[str, float, float] | None = None  # joint, multiplier, offset
 
+    @property
+    def locked(self) -> bool:
+        """True where both limits are one angle."""
+        return self.limits is not None and self.limits[0] == self.limits[1] and abs(self.limits[0]) < np.inf
+
 
 @dataclass
 class Tree:
@@ -113,13 +118,14 @@ class Tree:
         return self
 
     def rest(self) -> dict[str, Array]:
-        """T_root_link (4, 4) of every link with all joints at 0, those that follow another at their offset."""
+        """T_root_link (4, 4) of every link with all joints at 0, locked ones where they are locked, followers at their offset."""
         T = {self.root: np.eye(4)}
         for name in self.order[1:]:
             joint = self.inbound[name]
             T[name] = T[joint.parent] @ joint.T
-            if joint.mimic is not None and joint.mimic[2] and joint.kind == "hinge" and joint.axis is not None:
-                T[name] = T[name] @ place(turn=about(joint.axis, joint.mimic[2]))
+            angle = joint.limits[0] if joint.locked and joint.limits else joint.mimic[2] if joint.mimic else 0.0
+            if angle and joint.kind == "hinge" and joint.axis is not None:
+                T[name] = T[name] @ place(turn=about(joint.axis, angle))
         return T
 
 
