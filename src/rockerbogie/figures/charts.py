@@ -124,8 +124,8 @@ def run_profile(rover: Rover, terrain: Terrain, run: xr.Dataset) -> Figure:
         joints.plot(s, np.degrees(run["rocker"]), color=COLOURS["rocker"], label="rocker ρ")
         for side, colour in (("left", LEFT), ("right", RIGHT)):
             joints.plot(s, np.degrees(run["bogie"].sel(side=side)), color=colour, label=f"{side} bogie β")
-        _stops(joints, rover.rocker_limits, COLOURS["rocker"], "rocker stop")
-        _stops(joints, rover.bogie_limits, "#8a6d3b", "bogie stop")
+        _stops(joints, rover.rocker_limits, COLOURS["rocker"], "rocker stops")
+        _stops(joints, rover.bogie_limits, "#8a6d3b", "bogie stops")
         joints.set_ylabel("joints (deg)")
         belly.plot(s, run["clearance"], color="#009E73", label="least height of the body over the ground")
         belly.axhline(0, color="#b00000", lw=1)
@@ -138,15 +138,24 @@ def run_profile(rover: Rover, terrain: Terrain, run: xr.Dataset) -> Figure:
             ax.legend(loc="lower left", bbox_to_anchor=(0, 0.98), ncols=5, fontsize=8.5, borderaxespad=0.1)
             ax.tick_params(labelbottom=False)
         if worst is not None:
-            ground.annotate("steepest", (s[worst], 0.9), xycoords=("data", "axes fraction"), fontsize=8.5)
+            ground.annotate(
+                "steepest",
+                (s[worst], 0.9),
+                xycoords=("data", "axes fraction"),
+                xytext=(4, 0),
+                textcoords="offset points",
+                fontsize=8.5,
+            )
         strip.set_xlim(s[0], s[-1])
         fig.align_ylabels(axes[:4])
     return fig
 
 
 def _stops(ax: Axes, limits: Array, colour: str, label: str) -> None:
-    for k, limit in enumerate(np.degrees(limits[np.isfinite(limits)])):
-        ax.axhline(limit, color=colour, lw=1, ls=(0, (6, 2)), label=f"{label} {limit:+.3g}°" if k == 0 else f"{limit:+.3g}°")
+    known = np.degrees(limits[np.isfinite(limits)])
+    if known.size:
+        name = f"{label} {', '.join(f'{limit:+.3g}°' for limit in known)}"
+        ax.hlines(known, 0, 1, transform=ax.get_yaxis_transform(), color=colour, lw=1, ls=(0, (6, 2)), label=name)
 
 
 def _status_strip(ax: Axes, s: Array, status: Array) -> None:
@@ -174,12 +183,15 @@ def _around(x: Array, y: Array, whole: Bounds, room: float) -> Bounds:
 
 
 def _hillshade(ax: Axes, terrain: Terrain, bounds: Bounds, *, contours: bool) -> None:
+    from scipy.ndimage import gaussian_filter
+
     span = max(bounds[2] - bounds[0], bounds[3] - bounds[1])
     step = max(span / _MAP_PIXELS, min(terrain.spacing) / 4)
     x = np.arange(bounds[0], bounds[2], step)
     y = np.arange(bounds[1], bounds[3], step)
     z = terrain.height(*np.meshgrid(x, y))
-    shade = LightSource(315, 45).hillshade(np.nan_to_num(z, nan=float(np.nanmedian(z))), dx=step, dy=-step)
+    filled = np.nan_to_num(z, nan=float(np.nanmedian(z)))
+    shade = LightSource(315, 45).hillshade(filled, dx=step, dy=-step)
     colours = 0.42 + 0.5 * np.repeat(shade[..., None], 3, axis=-1)
     colours[np.isnan(z)] = (0.75, 0.85, 0.95)
     ax.imshow(colours, extent=(x[0], x[-1], y[0], y[-1]), origin="lower", interpolation="bilinear")
@@ -189,7 +201,9 @@ def _hillshade(ax: Axes, terrain: Terrain, bounds: Bounds, *, contours: bool) ->
     ax.set_ylim(y[0], y[-1])
     if contours:
         levels = MaxNLocator(10).tick_values(float(np.nanmin(z)), float(np.nanmax(z)))
-        lines = ax.contour(x, y, z, levels=levels, colors="#4a4036", linewidths=0.6, alpha=0.7)
+        flowing = gaussian_filter(filled, 0.008 * span / step)  # lines of the lie of the land, not of every pebble
+        flowing[np.isnan(z)] = np.nan
+        lines = ax.contour(x, y, flowing, levels=levels, colors="#4a4036", linewidths=0.6, alpha=0.7)
         ax.clabel(lines, fmt="%g m", fontsize=7)
 
 

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _SIZE = (1230, 930)
+_ALARM = "#b00000"
+_LIFTED = 5e-4  # m: a simulated wheel presses in or rides up by less
 _HALO = [withStroke(linewidth=3, foreground="white")]
 
 
@@ -45,17 +47,21 @@ def pose_figure(rover: Rover, terrain: Terrain, stance: xr.Dataset, title: str) 
         rule_block(ax, camera, bounds, base, origin)
         point = stance["contact_point"].values
         place = camera.project(point)[:, :2]
-        behind = hidden_by(mesh, camera, point) > 1.2 * rover.wheel_radius  # something other than its own wheel
+        behind = hidden_by(mesh, camera, point) > 1.2 * (rover.wheel_radius + rover.wheel_width)  # by more than its own wheel
+        lifted = stance["gap"].values > _LIFTED
         for i, name in enumerate(rover.wheel_names):
             if np.isfinite(place[i]).all():
-                fill, shown = ("none", 0.5) if behind[i] else ("#F0E442", 1.0)
-                ax.plot(*place[i], "o", ms=6, mfc=fill, mec=INK, mew=1.0, alpha=shown)
+                fill, shown = ("none", 0.5) if behind[i] else ("white" if lifted[i] else "#F0E442", 1.0)
+                ax.plot(
+                    *place[i], "o", ms=6, mfc=fill, mec=_ALARM if lifted[i] else INK, mew=1.5 if lifted[i] else 1.0, alpha=shown
+                )
                 ax.annotate(
                     name, place[i], xytext=(0, -15), textcoords="offset points", ha="center", fontsize=9.5, fontweight="bold",
                     color=(LEFT, RIGHT)[i % 2], path_effects=_HALO, alpha=0.6 if behind[i] else 1.0,
                 )  # fmt: skip
         fig.text(0.02, 0.955, title, fontsize=13, fontweight="bold")
-        note = f"contact points in yellow (hollow: hidden from here) · grid {grid_step(bounds):g} m"
+        air = ", ringed red where the wheel is in the air" if lifted.any() else ""
+        note = f"contact points in yellow (hollow: hidden from here){air} · grid {grid_step(bounds):g} m"
         if origin != (0.0, 0.0):
             note += f" · axes from ({origin[0]:.0f}, {origin[1]:.0f})"
         fig.text(0.02, 0.92, note, fontsize=8.5, color="#666666")
@@ -112,10 +118,11 @@ def _write_numbers(ax: Axes, rover: Rover, stance: xr.Dataset) -> None:
             _millimetres(gap),
             f"{float(stance['contact_point'][i, 2]):.3f}",
         )
-        for cell, (_, x, side) in zip(cells, heads, strict=True):
-            ax.text(x, y, cell, ha=side, color=(LEFT, RIGHT)[i % 2] if x == 0 else INK)
+        for cell, (head, x, side) in zip(cells, heads, strict=True):
+            colour = (LEFT, RIGHT)[i % 2] if x == 0 else INK
+            ax.text(x, y, cell, ha=side, color=_ALARM if head == "gap (mm)" and gap > _LIFTED else colour)
     y -= 1.6 * line
-    ax.text(0.0, y, status.name, fontweight="bold", color="#00704f" if status == Status.CONVERGED else "#b00000")
+    ax.text(0.0, y, status.name, fontweight="bold", color="#00704f" if status == Status.CONVERGED else _ALARM)
     ax.text(0.0, y - line, MEANING[status][0], fontsize=8.5, color="#555555", wrap=True, va="top")
     ax.set_xlim(0, 1)
     ax.set_ylim(0, 1)

@@ -93,7 +93,7 @@ def rule_block(ax: Axes, camera: Camera, bounds: Bounds, base: float, origin: tu
             ax.plot(*np.stack([p, p + 0.8 * unit * w]).T, color="#777777", lw=0.8, clip_on=False)
             x, y = p + 2.1 * unit * w
             ax.text(x, y, f"{tick:g}", ha="center", va="center", fontsize=8.5, color=INK)
-        x, y = start[-1] + 5.0 * unit * way[-1]
+        x, y = start[-1] + 6.0 * unit * way[-1]
         ax.text(x, y, f"{name} (m)", ha="center", va="center", fontsize=9.5, color=INK)
 
 
