@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from .contact import settle_contact
 from .equilibrium import settle_equilibrium
 from .ground import META_X, META_Y, META_Z
-from .jit import njit
+from .jit import bare, njit
 from .linkage import P_BOX, PITCH, ROLL, Z, body_axes, stand, stand_feet
-from .tread import FOUND, ROOM, SCRATCH, Ground, least_gap, patches
+from .tread import FOUND, Ground, least_gap, patches
 from .underside import NEAR_ROOM, NEAR_SIZE, box_over_ground, least_clearance
 from .wheel import (
     COSINE,
@@ -21,15 +21,20 @@ from .wheel import (
     HY,
     HZ,
     PLACE,
-    PLACE_SIZE,
     SIN,
-    WHEEL_SIZE,
     contact_angle,
     contact_slope,
     tread_point,
 )
+from .work import WORK_SIZE, lay_out
 
 Array = NDArray[np.float64]
+
+
+@njit
+def loan(ground: Ground) -> Ground:
+    """The ground's arrays, not counted as references to them."""
+    return bare(ground[0]), bare(ground[1]), bare(ground[2])
 
 
 @njit
@@ -46,13 +51,14 @@ def settle_batch(
     stop: int,
 ) -> None:
     """Contact mode. x, y, yaw (n,), steering (n, 6) or (1, 6); fills out (n, 6) as linkage's q, and status (n,)."""
-    meta = ground[2]
+    buffer = np.empty(WORK_SIZE)
+    work, land, car, meta, q = lay_out(buffer), loan(ground), bare(rover), bare(ground[2]), bare(out)
     for k in range(start, stop):
-        feet, touch = np.empty((6, 5)), np.empty((6, PLACE_SIZE))
-        stand_feet(rover, steering[k if steering.shape[0] > 1 else 0], feet)
+        stand_feet(car, steering[k if steering.shape[0] > 1 else 0], work.feet)
         px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
-        status[k] = settle_contact(ground, rover, feet, px, py, math.cos(yaw[k]), math.sin(yaw[k]), out[k], touch)
-        out[k, Z] += meta[META_Z]
+        status[k] = settle_contact(land, car, px, py, math.cos(yaw[k]), math.sin(yaw[k]), q[k], work)
+        q[k, Z] += meta[META_Z]
+    buffer[0] = 0.0  # its last use: it lives till here
 
 
 @njit
@@ -70,13 +76,14 @@ def rest_batch(
     stop: int,
 ) -> None:
     """Equilibrium mode. As `settle_batch`; report (n, equilibrium.R_SIZE) too."""
-    meta = ground[2]
+    buffer = np.empty(WORK_SIZE)
+    work, land, car, meta, q = lay_out(buffer), loan(ground), bare(rover), bare(ground[2]), bare(out)
     for k in range(start, stop):
-        feet = np.empty((6, 5))
-        stand_feet(rover, steering[k if steering.shape[0] > 1 else 0], feet)
+        stand_feet(car, steering[k if steering.shape[0] > 1 else 0], work.feet)
         px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
-        status[k] = settle_equilibrium(ground, rover, feet, px, py, math.cos(yaw[k]), math.sin(yaw[k]), out[k], report[k])
-        out[k, Z] += meta[META_Z]
+        status[k] = settle_equilibrium(land, car, px, py, math.cos(yaw[k]), math.sin(yaw[k]), q[k], report[k], work)
+        q[k, Z] += meta[META_Z]
+    buffer[0] = 0.0
 
 
 @njit
@@ -89,22 +96,24 @@ def touch_batch(
     """How each wheel touches at given poses q (n, 6): gap, contact angle (n, 6), point, normal (n, 6, 3) in the world,
     and how many separate places of its tread are within `keep` of the ground (n, 6)."""
     grid, _, meta = ground
+    buffer = np.empty(WORK_SIZE)
+    work = lay_out(buffer)
+    best, found, wheels, local = work.best, work.found, work.wheels, work.step
     for k in range(start, stop):
-        feet, axes, knees, wheels = np.empty((6, 5)), np.empty((3, 3)), np.empty((4, 3)), np.empty((6, WHEEL_SIZE))
-        best, found, scratch, local = np.empty(PLACE_SIZE), np.empty((ROOM, PLACE_SIZE)), np.empty(SCRATCH), q[k].copy()
         gap[k] = angle[k] = math.nan
         point[k] = normal[k] = math.nan
         count[k] = 0
+        local[:] = q[k]
         local[Z] -= meta[META_Z]
         if math.isnan(local[Z]):
             continue
-        stand_feet(rover, steering[k if steering.shape[0] > 1 else 0], feet)
+        stand_feet(rover, steering[k if steering.shape[0] > 1 else 0], work.feet)
         px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
-        if not stand(rover, feet, px, py, math.cos(yaw[k]), math.sin(yaw[k]), local, axes, knees, wheels):
+        if not stand(rover, work.feet, px, py, math.cos(yaw[k]), math.sin(yaw[k]), local, work.axes, work.knees, wheels):
             continue
         for i in range(6):
             w = wheels[i]
-            code, kept = least_gap(ground, w, 0.0, 1.0, 0.0, True, keep, best, found, scratch)
+            code, kept = least_gap(ground, w, 0.0, 1.0, 0.0, True, keep, best, found, work)
             if code != FOUND:
                 continue
             gap[k, i] = best[GAP]
@@ -117,6 +126,7 @@ def touch_batch(
             normal[k, i, 0], normal[k, i, 1], normal[k, i, 2] = -gx / size, -gy / size, 1.0 / size
             angle[k, i] = contact_angle(w, best[SIN], best[COSINE], best[PLACE])
             count[k, i] = patches(ground, w, found, kept, keep)
+    buffer[0] = 0.0
 
 
 @njit

@@ -8,65 +8,76 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .ground import surface
-from .jit import njit
-from .linkage import P_HUB, P_PIVOT, P_RADIUS, P_STOPS, ROCKER, Z, slope_row, stand
-from .tread import BLANK, FOUND, OFF, SCRATCH, Ground, least_gap
-from .wheel import COSINE, GAP, HX, HY, HZ, PLACE, PLACE_SIZE, RADIUS, SIN, WHEEL_SIZE, contact_slope, tread_point
+from .jit import inlined, njit
+from .linkage import BOGIE_L, BOGIE_R, P_HUB, P_PIVOT, P_RADIUS, P_STOPS, ROCKER, Z, slope_row, stand
+from .tread import BLANK, FOUND, OFF, Ground, least_gap
+from .wheel import COSINE, GAP, HX, HY, HZ, PLACE, RADIUS, SIN, contact_slope, tread_point
+from .work import Work
 
 Array = NDArray[np.float64]
+
+
+@njit
+def _without_bogie(a: Array, b: Array, side: int) -> tuple[float, float, float, float]:
+    """One side's two bogie rows without its bogie angle and without z (by row 0): three coefficients, right hand side."""
+    p, o = _pivot(a, side)
+    k = a[o, 4 + side] / a[p, 4 + side]
+    z = 1.0 - k  # what is left of z's coefficient
+    return (
+        a[o, 1] - k * a[p, 1] - z * a[0, 1],
+        a[o, 2] - k * a[p, 2] - z * a[0, 2],
+        a[o, 3] - k * a[p, 3] - z * a[0, 3],
+        b[o] - k * b[p] - z * b[0],
+    )
+
+
+@inlined
+def _pivot(a: Array, side: int) -> tuple[int, int]:
+    """A side's two bogie rows, that which the bogie angle moves more first."""
+    middle, other = 2 + side, 4 + side
+    if abs(a[middle, 4 + side]) >= abs(a[other, 4 + side]):
+        return middle, other
+    return other, middle
 
 
 @njit
 def solve_linkage(a: Array, b: Array) -> bool:
     """Solve a x = b for the linkage's six equations (x in b): rows 0, 1 know no bogie angle, rows 2, 4 only the left
     one, rows 3, 5 only the right one, and z's coefficient is 1 in all. False where it is singular to rounding."""
-    m, r = np.empty((3, 3)), np.empty(3)
-    pivot = np.empty(2, np.int64)
-    for side in range(2):
-        p = 2 + side if abs(a[2 + side, 4 + side]) >= abs(a[4 + side, 4 + side]) else 4 + side
-        o = 6 + 2 * side - p
-        pivot[side] = p
-        k = a[o, 4 + side] / a[p, 4 + side]
-        z = 1.0 - k  # what is left of z's coefficient, taken out by row 0
-        for j in range(3):
-            m[1 + side, j] = a[o, 1 + j] - k * a[p, 1 + j] - z * a[0, 1 + j]
-        r[1 + side] = b[o] - k * b[p] - z * b[0]
-    for j in range(3):
-        m[0, j] = a[1, 1 + j] - a[0, 1 + j]
-    r[0] = b[1] - b[0]
-    c0 = m[1, 1] * m[2, 2] - m[1, 2] * m[2, 1]
-    c1 = m[1, 2] * m[2, 0] - m[1, 0] * m[2, 2]
-    c2 = m[1, 0] * m[2, 1] - m[1, 1] * m[2, 0]
-    det = m[0, 0] * c0 + m[0, 1] * c1 + m[0, 2] * c2
-    x1 = (r[0] * c0 + m[0, 1] * (m[1, 2] * r[2] - r[1] * m[2, 2]) + m[0, 2] * (r[1] * m[2, 1] - m[1, 1] * r[2])) / det
-    x2 = (m[0, 0] * (r[1] * m[2, 2] - m[1, 2] * r[2]) + r[0] * c1 + m[0, 2] * (m[1, 0] * r[2] - r[1] * m[2, 0])) / det
-    x3 = (m[0, 0] * (m[1, 1] * r[2] - r[1] * m[2, 1]) + m[0, 1] * (r[1] * m[2, 0] - m[1, 0] * r[2]) + r[0] * c2) / det
-    x0 = b[0] - a[0, 1] * x1 - a[0, 2] * x2 - a[0, 3] * x3
-    good = math.isfinite(x0)
-    for side in range(2):
-        p = pivot[side]
-        bend = (b[p] - x0 - a[p, 1] * x1 - a[p, 2] * x2 - a[p, 3] * x3) / a[p, 4 + side]
-        good &= math.isfinite(bend)
-        r[side] = bend
-    b[0], b[1], b[2], b[3], b[4], b[5] = x0, x1, x2, x3, r[0], r[1]
-    return good
+    p1, p2, p3, p = a[1, 1] - a[0, 1], a[1, 2] - a[0, 2], a[1, 3] - a[0, 3], b[1] - b[0]
+    q1, q2, q3, q = _without_bogie(a, b, 0)
+    r1, r2, r3, r = _without_bogie(a, b, 1)
+    # x = (p Q×R + q R×P + r P×Q) / P·Q×R
+    u1, u2, u3 = q2 * r3 - q3 * r2, q3 * r1 - q1 * r3, q1 * r2 - q2 * r1
+    v1, v2, v3 = r2 * p3 - r3 * p2, r3 * p1 - r1 * p3, r1 * p2 - r2 * p1
+    w1, w2, w3 = p2 * q3 - p3 * q2, p3 * q1 - p1 * q3, p1 * q2 - p2 * q1
+    det = p1 * u1 + p2 * u2 + p3 * u3
+    roll = (p * u1 + q * v1 + r * w1) / det
+    pitch = (p * u2 + q * v2 + r * w2) / det
+    rocker = (p * u3 + q * v3 + r * w3) / det
+    z = b[0] - a[0, 1] * roll - a[0, 2] * pitch - a[0, 3] * rocker
+    m, _ = _pivot(a, 0)
+    left = (b[m] - z - a[m, 1] * roll - a[m, 2] * pitch - a[m, 3] * rocker) / a[m, BOGIE_L]
+    m, _ = _pivot(a, 1)
+    right = (b[m] - z - a[m, 1] * roll - a[m, 2] * pitch - a[m, 3] * rocker) / a[m, BOGIE_R]
+    b[0], b[1], b[2], b[3], b[4], b[5] = z, roll, pitch, rocker, left, right
+    return math.isfinite(z + left + right)
 
 
 @njit
-def stand_on_hubs(
-    ground: Ground, rover: Array, feet: Array, x: float, y: float, cy: float, sy: float, q: Array,
-    axes: Array, knees: Array, wheels: Array, a: Array, step: Array,
-) -> None:  # fmt: skip
+def stand_on_hubs(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, work: Work) -> None:
     """A first step, cheap: as if each wheel stood on the ground right under its hub, and that were level."""
     grid, _, meta = ground
-    if not stand(rover, feet, x, y, cy, sy, q, axes, knees, wheels):
+    wheels, rows, step = work.wheels, work.rows, work.step
+    if not stand(rover, work.feet, x, y, cy, sy, q, work.axes, work.knees, wheels):
         return
     for i in range(6):
         w = wheels[i]
         h = surface(grid, meta, w[HX], w[HY])[0]
-        slope_row(rover, q, cy, sy, axes, knees, i, w[HX] - x, w[HY] - y, w[HZ] - q[Z] - w[RADIUS], 0.0, 0.0, a[i])
-        step[i] = h + w[RADIUS] - w[HZ]
-    if solve_linkage(a, step):
+        low = w[HZ] - w[RADIUS]
+        slope_row(rover, q, cy, sy, work.axes, work.knees, i, w[HX] - x, w[HY] - y, low - q[Z], 0.0, 0.0, rows[i])
+        step[i] = h - low
+    if solve_linkage(rows, step):
         move(q, step)
 
 
@@ -82,24 +93,22 @@ def move(q: Array, step: Array) -> None:
 
 
 @njit
-def newton(
-    ground: Ground, rover: Array, feet: Array, x: float, y: float, cy: float, sy: float, q: Array, touch: Array,
-    axes: Array, knees: Array, wheels: Array, a: Array, step: Array, none: Array, scratch: Array,
-) -> int:  # fmt: skip
-    """Newton on the six gaps from q, each over the whole tread; touch (6, PLACE_SIZE) holds where they are.
+def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, work: Work) -> int:
+    """Newton on the six gaps from q, each over the whole tread; work.touch holds where they are.
 
     The contact is found anew at every step, so the gap's slope is that of the touching point alone (the envelope
     theorem), and the steps converge as fast as Newton's. FOUND, OFF, BLANK, or -1 where it does not settle.
     """
     grid, _, meta = ground
+    axes, knees, wheels, rows, step, touch = work.axes, work.knees, work.wheels, work.rows, work.step, work.touch
     whole = True
     for it in range(STEPS):
-        if not stand(rover, feet, x, y, cy, sy, q, axes, knees, wheels):
+        if not stand(rover, work.feet, x, y, cy, sy, q, axes, knees, wheels):
             return -1
         worst = 0.0
         for i in range(6):
-            t, w = touch[i], wheels[i]
-            code, _ = least_gap(ground, w, t[SIN], t[COSINE], t[PLACE], whole, -math.inf, t, none, scratch)
+            t = touch[i]
+            code, _ = least_gap(ground, wheels[i], t[SIN], t[COSINE], t[PLACE], whole, -math.inf, t, work.none, work)
             if code != FOUND:
                 return code
             worst = max(worst, abs(t[GAP]))
@@ -113,9 +122,9 @@ def newton(
             t, w = touch[i], wheels[i]
             px, py, pz = tread_point(w, t[SIN], t[COSINE], t[PLACE])
             gx, gy = contact_slope(grid, meta, w, t[SIN], t[COSINE], t[PLACE])
-            slope_row(rover, q, cy, sy, axes, knees, i, w[HX] - x + px, w[HY] - y + py, w[HZ] - q[Z] + pz, gx, gy, a[i])
+            slope_row(rover, q, cy, sy, axes, knees, i, w[HX] - x + px, w[HY] - y + py, w[HZ] - q[Z] + pz, gx, gy, rows[i])
             step[i] = -t[GAP]
-        if not solve_linkage(a, step):
+        if not solve_linkage(rows, step):
             return -1
         move(q, step)
     return -1
@@ -148,22 +157,18 @@ def start_pose(ground: Ground, rover: Array, x: float, y: float, attempt: int, q
 
 
 @njit
-def settle_contact(
-    ground: Ground, rover: Array, feet: Array, x: float, y: float, cy: float, sy: float, q: Array, touch: Array
-) -> int:
-    """Fill q with the settled pose, nan when there is none; returns a status code.
+def settle_contact(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, work: Work) -> int:
+    """Fill q with the settled pose, nan when there is none; returns a status code. work.feet says how the wheels are steered.
 
     Newton from a level start. Where two contacts of a wheel take turns it may cycle; then it starts anew from another
     attitude: the first start that settles upright counts, so the answer never depends on anything but the pose asked for.
     """
-    axes, knees, wheels = np.empty((3, 3)), np.empty((4, 3)), np.empty((6, WHEEL_SIZE))
-    a, step, none, scratch = np.empty((6, 6)), np.empty(6), np.empty((0, PLACE_SIZE)), np.empty(SCRATCH)
     strayed = 0
     for attempt in range(STARTS):
-        start_pose(ground, rover, x, y, attempt, q, touch)
+        start_pose(ground, rover, x, y, attempt, q, work.touch)
         if attempt == 0:
-            stand_on_hubs(ground, rover, feet, x, y, cy, sy, q, axes, knees, wheels, a, step)
-        code = newton(ground, rover, feet, x, y, cy, sy, q, touch, axes, knees, wheels, a, step, none, scratch)
+            stand_on_hubs(ground, rover, x, y, cy, sy, q, work)
+        code = newton(ground, rover, x, y, cy, sy, q, work)
         if code == OFF or code == BLANK:
             strayed += 1
             if strayed == STRAYED:

@@ -42,7 +42,7 @@ from .linkage import (
     stand,
 )  # fmt: skip
 from .quadratic import invert, solve_qp
-from .tread import BLANK, FOUND, ROOM, SCRATCH, Ground, least_gap
+from .tread import BLANK, FOUND, ROOM, Ground, least_gap
 from .underside import N_GAP, N_GX, N_GY, N_X, N_Y, N_Z, NEAR_ROOM, NEAR_SIZE, box_over_ground
 from .wheel import (
     COSINE,
@@ -51,13 +51,12 @@ from .wheel import (
     HY,
     HZ,
     PLACE,
-    PLACE_SIZE,
     RADIUS,
     SIN,
-    WHEEL_SIZE,
     contact_slope,
     tread_point,
 )
+from .work import Work
 
 Array = NDArray[np.float64]
 
@@ -138,21 +137,21 @@ def centre_of_mass(rover: Array, feet: Array, q: Array, cy: float, sy: float, ax
 
 @njit
 def touch_down(
-    ground: Ground, rover: Array, feet: Array, x: float, y: float, cy: float, sy: float, q: Array, full: bool,
-    axes: Array, knees: Array, wheels: Array, gap: Array, rows: Array, owner: NDArray[np.int64],
+    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, full: bool, work: Work,
+    gap: Array, rows: Array, owner: NDArray[np.int64],
 ) -> tuple[int, int]:  # fmt: skip
     """Shift q's z so that the rover just touches, and list its near contacts: gap (ROWS,), rows (ROWS, 6), owner (ROWS,)
     the wheel, or 6 for the belly. Only the shift when not `full`. Returns a code and how many."""
-    best, found, scratch = np.empty(PLACE_SIZE), np.empty((ROOM, PLACE_SIZE)), np.empty(SCRATCH)
+    best, found, axes, knees, wheels = work.best, work.found, work.axes, work.knees, work.wheels
     near = np.empty((NEAR_ROOM, NEAR_SIZE))
     grid, _, meta = ground
-    if not stand(rover, feet, x, y, cy, sy, q, axes, knees, wheels):
+    if not stand(rover, work.feet, x, y, cy, sy, q, axes, knees, wheels):
         return -1, 0
     count = 0
     least = math.inf
     for i in range(6):
         w = wheels[i]
-        code, kept = least_gap(ground, w, 0.0, 1.0, 0.0, True, -math.inf, best, found, scratch)
+        code, kept = least_gap(ground, w, 0.0, 1.0, 0.0, True, -math.inf, best, work.none, work)
         if code != FOUND:
             return code, 0
         least = min(least, best[GAP])
@@ -160,7 +159,7 @@ def touch_down(
             continue
         low = best[GAP]
         sine, cosine, place = best[SIN], best[COSINE], best[PLACE]
-        code, kept = least_gap(ground, w, sine, cosine, place, True, low + NEAR, best, found, scratch)
+        code, kept = least_gap(ground, w, sine, cosine, place, True, low + NEAR, best, found, work)
         first = count
         for k in range(-1, kept):
             if k < 0:
@@ -214,23 +213,23 @@ def touch_down(
 
 @njit
 def settle_equilibrium(
-    ground: Ground, rover: Array, feet: Array, x: float, y: float, cy: float, sy: float, q: Array, report: Array
+    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, report: Array, work: Work
 ) -> int:
     """Fill q (6,) with the pose at rest and report (R_SIZE,); nan when there is none. Returns a status code."""
-    axes, knees, wheels = np.empty((3, 3)), np.empty((4, 3)), np.empty((6, WHEEL_SIZE))
+    feet, axes, knees = work.feet, work.axes, work.knees
     gap, rows, owner = np.empty(ROWS), np.empty((ROWS, 6)), np.empty(ROWS, np.int64)
     n, b, force = np.empty((CONSTRAINTS, 6)), np.empty(CONSTRAINTS), np.zeros(CONSTRAINTS)
-    slope, trial, d, touch = np.empty(6), np.empty(6), np.empty(6), np.zeros((6, PLACE_SIZE))
+    slope, trial, d = np.empty(6), np.empty(6), np.empty(6)
     bend, inverse, copy = np.zeros((6, 6)), np.empty((6, 6)), np.empty((6, 6))
     old_pull, pull, moved = np.empty(6), np.empty(6), np.empty(6)
     report[:] = math.nan
     # where six wheels touch within the stops, that is where to begin: most often it is the answer
-    code = settle_contact(ground, rover, feet, x, y, cy, sy, q, touch)
+    code = settle_contact(ground, rover, x, y, cy, sy, q, work)
     if code == OFF_MAP or code == NO_DATA:
         return code
     if code != CONVERGED:
-        start_pose(ground, rover, x, y, 0, q, touch)
-    code, count = touch_down(ground, rover, feet, x, y, cy, sy, q, True, axes, knees, wheels, gap, rows, owner)
+        start_pose(ground, rover, x, y, 0, q, work.touch)
+    code, count = touch_down(ground, rover, x, y, cy, sy, q, True, work, gap, rows, owner)
     if code != FOUND:
         q[:] = math.nan
         return NO_DATA if code == BLANK else (OFF_MAP if code > 0 else TIPPED)
@@ -284,7 +283,7 @@ def settle_equilibrium(
             old_pull[k] = slope[k]
             for j in range(count):
                 old_pull[k] -= force[j] * rows[j, k]
-        code, _ = touch_down(ground, rover, feet, x, y, cy, sy, trial, False, axes, knees, wheels, gap, rows, owner)
+        code, _ = touch_down(ground, rover, x, y, cy, sy, trial, False, work, gap, rows, owner)
         if code == FOUND:
             new = trial[Z] + centre_of_mass(rover, feet, trial, cy, sy, axes, knees, pull)
         if code != FOUND or not new < low_before - 1e-4 * promise + 1e-15:
@@ -293,7 +292,7 @@ def settle_equilibrium(
                 settled = promise < 1e-8
                 break
             # the pose stands as it was: list its contacts anew
-            code, count = touch_down(ground, rover, feet, x, y, cy, sy, q, True, axes, knees, wheels, gap, rows, owner)
+            code, count = touch_down(ground, rover, x, y, cy, sy, q, True, work, gap, rows, owner)
             height = q[Z] + centre_of_mass(rover, feet, q, cy, sy, axes, knees, slope)
             continue
         if low_before - new > 0.5 * promise and size > 0.9 * trust:
@@ -307,7 +306,7 @@ def settle_equilibrium(
         if max(abs(q[ROLL]), abs(q[PITCH])) > FALLEN:
             q[:] = math.nan
             return TIPPED
-        code, count = touch_down(ground, rover, feet, x, y, cy, sy, q, True, axes, knees, wheels, gap, rows, owner)
+        code, count = touch_down(ground, rover, x, y, cy, sy, q, True, work, gap, rows, owner)
         height = q[Z] + centre_of_mass(rover, feet, q, cy, sy, axes, knees, slope)
         for k in range(6):
             pull[k] = slope[k]

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
+from numba.extending import intrinsic
 
 
 def _drop_stale_cache() -> None:
@@ -35,6 +36,32 @@ def njit(function: F) -> F:
 def inlined(function: F) -> F:
     """Compile a kernel that is copied into its caller."""
     return numba.njit(cache=True, error_model="numpy", inline="always")(function)
+
+
+if numba.config.DISABLE_JIT:
+
+    def bare(array: Any) -> Any:
+        """The array itself: there is nothing to gain in plain Python."""
+        return array
+
+else:
+
+    def _bare(typing_context: Any, array: Any) -> Any:
+        """A view of an array that is not counted as a reference to it.
+
+        Counting is atomic, and at a hundred views a pose costs as much as the arithmetic. Whoever owns the array must
+        outlive the view.
+        """
+
+        def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            view = context.make_array(signature.args[0])(context, builder, args[0])
+            view.meminfo = view.meminfo.type(None)
+            view.parent = view.parent.type(None)
+            return view._getvalue()
+
+        return array(array), codegen
+
+    bare = intrinsic(_bare)
 
 
 #: Fewer items than this are one thread's work: waking others takes longer, on a busy machine by milliseconds.

@@ -8,12 +8,13 @@ the best so far is searched, exactly (`flat_cell`, `curved_cell`).
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .curved_cell import BENDS_SIZE, follow_smooth, search_curved_cell
-from .flat_cell import ENDS_SIZE, search_flat_cell
+from .curved_cell import follow_smooth, search_curved_cell
+from .flat_cell import search_flat_cell
 from .ground import META_BEND, META_CUBIC, META_DX, META_DY, META_NX, META_NY, on_map
 from .jit import njit
 from .wheel import (
@@ -41,6 +42,9 @@ from .wheel import (
     tread_point,
 )  # fmt: skip
 
+if TYPE_CHECKING:
+    from .work import Work
+
 Array = NDArray[np.float64]
 Ground = tuple[Array, Array, Array]  # grid, roof, meta
 
@@ -50,9 +54,7 @@ SMOOTH = 0.7  # ground whose bend times the wheel's radius is less touches a thi
 LEAN = 0.5  # as long as the wheel leans by no more than this (sine)
 TIE = 1e-12  # m: a gap lower by less is not looked for
 
-# Scratch of one thread: rim crossings, cell coefficients, bounds of a row of cells.
-ROW = 64
-SCRATCH = 2 * ENDS_SIZE + BENDS_SIZE + 4 + ROW
+ROW = 64  # cells bounded at once
 
 
 @njit
@@ -96,7 +98,7 @@ def least_gap(
     keep: float,
     best: Array,
     found: Array,
-    scratch: Array,
+    work: Work,
 ) -> tuple[int, int]:
     """Search the whole tread of wheel `w`. (φ, s) is a first guess; it only saves time. Unless `whole`, only the guess's
     cell is searched: a contact is followed so between steps, to be proved by a whole search in the end.
@@ -115,10 +117,7 @@ def least_gap(
     smooth = half == 0.0 and keep < 0.0 and r * meta[META_BEND] < SMOOTH and abs(w[AZ]) < LEAN
     if smooth and follow_smooth(grid, meta, w, sine, cosine, best):
         return FOUND, 0
-    ends = scratch[: 2 * ENDS_SIZE].reshape(ENDS_SIZE, 2)
-    bends = scratch[2 * ENDS_SIZE : 2 * ENDS_SIZE + BENDS_SIZE]
-    c = scratch[2 * ENDS_SIZE + BENDS_SIZE : 2 * ENDS_SIZE + BENDS_SIZE + 4]
-    bound = scratch[2 * ENDS_SIZE + BENDS_SIZE + 4 :]
+    ends, bends, c, bound = work.ends, work.bends, work.cell, work.bound
     best[GAP], best[SIN], best[COSINE], best[PLACE] = gap_at(grid, meta, w, sine, cosine, s), sine, cosine, s
     last_i, last_j = int(meta[META_NX]) - 2, int(meta[META_NY]) - 2
     i0, i1 = int(math.floor((w[HX] - out_x) / dx)), min(int(math.floor((w[HX] + out_x) / dx)), last_i)
