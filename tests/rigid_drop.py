@@ -1,7 +1,7 @@
 """The rover let down in MuJoCo with x, y and yaw held: an outside truth for settled poses.
 
-The base has three joints only (up, pitch, roll), the wheels are braked, contacts have no friction: the rover comes to rest where its
-masses lie lowest. One `DropTower` serves many poses over one ground, which is a Terrain or a list of solid geoms.
+The base has three joints only (up, pitch, roll), the wheels are braked, contacts have no friction: the rover comes to rest
+where its masses lie lowest. One `DropTower` serves many poses over one ground, which is a Terrain or a list of solid geoms.
 """
 
 from __future__ import annotations
@@ -60,9 +60,10 @@ class Rest:
 
 
 class DropTower:
-    """A ground with a rover above it. `ground`: a Terrain, or geoms {"type": "plane" | "box" | "ellipsoid", "size", "pos", "quat"}.
+    """A ground with a rover above it.
 
-    `cell` is the height field's, m (default `mjcf.default_cell`).
+    `ground` is a Terrain, laid as a height field of `cell` m (default `mjcf.default_cell`); or geoms, each a dict of `type`
+    (plane, box, ellipsoid), `size`, `pos` and `quat`.
     """
 
     def __init__(self, rover: Rover, ground: Terrain | Sequence[Mapping[str, Any]], *, cell: float | None = None) -> None:
@@ -171,7 +172,8 @@ class DropTower:
         limited = data.efc_id[(data.efc_type == mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT) & pushing]
         q = dict(zip(JOINTS, mean[self._joint].tolist(), strict=True))
         return Rest(
-            z=q["z"], roll=q["roll"], pitch=q["pitch"], rocker=q["rocker_left"], bogie=np.array([q["bogie_left"], q["bogie_right"]]),
+            z=q["z"], roll=q["roll"], pitch=q["pitch"], rocker=q["rocker_left"],
+            bogie=np.array([q["bogie_left"], q["bogie_right"]]),
             force=mean[-7:-1], body_force=float(mean[-1]), on_stop=np.isin(self._stopped, limited),
             residual=residual, steps=steps, weight=self.rover.mass * 9.81,
         )  # fmt: skip

@@ -24,15 +24,15 @@ Array = NDArray[np.float64]
 Region = tuple[float, float, float, float]
 
 SIDES = ("left", "right")
-#: A disc (width 0) becomes an ellipsoid of revolution this many radii thick to either side: it touches a plane tilted by
-#: α across the axle within 0.005 r tan²α of where the disc would (0.05 mm for the paper's wheel on its steepest ground).
+#: A disc (width 0) becomes an ellipsoid of revolution this many radii thick to either side: on ground tilted by α across the axle
+#: it stands 0.005 r tan²α higher than the disc would (0.02 mm for the paper's wheel and a roll of 10 deg).
 DISC_HALF_BREADTH = 0.1
-#: Contacts and constraints: time constant (s), damping ratio; and impedance. At rest they give way by some
-#: (1 - 0.999) · g · (0.01 s)² = 1e-6 m, whatever the rover weighs.
+#: Contacts: time constant (s), damping ratio; and impedance d. At rest they give way by (1 - d) / d · g · (0.01 s)² = 0.11 mm,
+#: whatever the rover weighs, under all wheels alike. Stiffer ones make a wheel that is dragged sideways chatter.
 SOLREF = (0.01, 1.0)
 SOLIMP = (0.9, 0.9, 0.001, 0.5, 2.0)
-#: The differential's is stiffer still: it carries the body's pitching moment, and gives way by less than 0.001 deg.
-TIE_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
+#: The differential and the stops, which nothing drags over: they give way by less than 0.001 deg.
+JOINT_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 #: The triangles under the wheels stay this close to the ground they stand for, m, as far as the coarsest cells below allow.
 TRIANGLE_ERROR = 1e-4
 #: Cells no finer than these shares of a wheel's radius and breadth: the first keeps a contact's dent well inside a cell, the
@@ -42,8 +42,7 @@ CELL_OF_RADIUS, CELL_OF_BREADTH = 1 / 10, 1 / 8
 MOST_NODES = 20_000_000
 #: Links without mass get this share of the rover's: a simulator cannot move what has none.
 LEAST_MASS_SHARE = 1e-4
-TIMESTEP = 0.005
-IMPRATIO = 1.0
+TIMESTEP = 0.005  # s
 #: Motors. Behind its gears each has the inertia of this share of the rover's mass at the wheel's rim, which is nothing at rover
 #: speeds; a hub's servo makes up its rate within SERVO_TIME, a steering servo its angle within LAG_TIME, s.
 ROTOR_SHARE, SERVO_TIME, LAG_TIME = 0.7, 0.02, 0.1
@@ -58,6 +57,10 @@ def to_mjcf(
     friction: float = 0.8,
 ) -> str:
     """The rover, and the ground if given, as MJCF text; the mechanism exact to the last digit.
+
+    Rockers and bogies are hinges within the rover's stops, the differential a joint equality, masses and inertias the links' own.
+    A wheel is a cylinder of its width, or for width 0 a thin ellipsoid that touches where the disc would within 0.0005 radii; its
+    hub has a speed servo, its steering axis an angle servo (docs/simulation.md).
 
     Args:
         terrain: becomes the height field `terrain`, its heights in the text itself; none leaves the rover alone in space.
@@ -103,7 +106,6 @@ def empty_spec(name: str) -> Any:
     spec.option.timestep = TIMESTEP
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    spec.option.impratio = IMPRATIO
     spec.option.ccd_tolerance = 1e-9  # coarser contacts between a wheel and small triangles kick it
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 720
     spec.worldbody.add_light(pos=[0, 0, 10], type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL)
@@ -160,11 +162,12 @@ def add_terrain(spec: Any, terrain: Terrain, region: Region | None, cell: float)
     x, y, z = sample_ground(terrain, region, cell)
     low, rise = float(z.min()), max(float(np.ptp(z)), 1e-3)
     spec.add_hfield(
-        name="terrain", nrow=len(y), ncol=len(x), size=[np.ptp(x) / 2, np.ptp(y) / 2, rise, 0.1], userdata=((z - low) / rise).ravel(),
+        name="terrain", nrow=len(y), ncol=len(x), size=[np.ptp(x) / 2, np.ptp(y) / 2, rise, 0.1],
+        userdata=((z - low) / rise).ravel(),
     )  # fmt: skip
     spec.worldbody.add_geom(
-        name="terrain", type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="terrain", pos=[(x[0] + x[-1]) / 2, (y[0] + y[-1]) / 2, low],
-        rgba=[0.7, 0.45, 0.3, 1], **ground_contact(),
+        name="terrain", type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="terrain",
+        pos=[(x[0] + x[-1]) / 2, (y[0] + y[-1]) / 2, low], rgba=[0.7, 0.45, 0.3, 1], **ground_contact(),
     )  # fmt: skip
 
 
@@ -178,8 +181,8 @@ def sample_ground(terrain: Terrain, region: Region | None, cell: float) -> tuple
     x, y = _nodes(terrain.x, low_x, high_x, cell), _nodes(terrain.y, low_y, high_y, cell)
     if len(x) * len(y) > MOST_NODES:
         raise TerrainError(
-            f"ground {terrain.name!r} takes {len(x)} x {len(y)} nodes {x[1] - x[0]:.3g} m apart to simulate, more than {MOST_NODES:,}: "
-            "take a smaller region or a shorter path"
+            f"ground {terrain.name!r} takes {len(x)} x {len(y)} nodes {x[1] - x[0]:.3g} m apart to simulate, more than "
+            f"{MOST_NODES:,}: take a smaller region or a shorter path"
         )
     z = terrain.height(*np.meshgrid(x, y))
     unknown = np.isnan(z)
@@ -203,9 +206,8 @@ def default_cell(rover: Rover, terrain: Terrain, region: Region | None = None) -
     _, _, z = sample_ground(terrain, region, step / 2)
     middle, corners = z[1:-1:2, 1:-1:2], (z[:-2:2, :-2:2], z[2::2, 2::2], z[:-2:2, 2::2], z[2::2, :-2:2])
     error = max(float(np.abs(middle - (a + b) / 2).max()) for a, b in (corners[:2], corners[2:]))
-    return float(
-        max(step / max(np.sqrt(error / TRIANGLE_ERROR), 1.0), coarsest)
-    )  # a triangle's error falls with its cell's square
+    divisions = max(np.sqrt(error / TRIANGLE_ERROR), 1.0)  # a triangle's error falls with the square of its cell
+    return float(max(step / divisions, coarsest))
 
 
 def _nodes(own: Array, low: float, high: float, cell: float) -> Array:
@@ -247,7 +249,7 @@ def _add_hinge(body: Any, name: str, limits: Array | None) -> None:
     if limits is not None and np.isfinite(limits).any():
         joint.limited = mujoco.mjtLimited.mjLIMITED_TRUE
         joint.range = np.clip(limits, -4 * np.pi, 4 * np.pi)  # an open side is one no linkage reaches
-        joint.solref_limit, joint.solimp_limit = SOLREF, SOLIMP
+        joint.solref_limit, joint.solimp_limit = SOLREF, JOINT_SOLIMP
 
 
 def _set_inertia(rover: Rover, body: Any, link: Link, origin: Array) -> None:
@@ -299,7 +301,7 @@ def _add_differential(spec: Any, rover: Rover) -> None:
     )
     tie.data[: len(c)] = c
     tie.data[len(c) : 5] = 0.0
-    tie.solref, tie.solimp = SOLREF, TIE_SOLIMP
+    tie.solref, tie.solimp = SOLREF, JOINT_SOLIMP
 
 
 def _add_drives(spec: Any, rover: Rover) -> None:

@@ -22,7 +22,7 @@ HINGES = [f"{part}_{side}" for part in ("rocker", "bogie") for side in SIDES]
 
 @dataclass(frozen=True)
 class Record:
-    """One instant, after the paper's names; SI and radians."""
+    """One instant; SI and radians, wheels in the paper's order."""
 
     time: float
     place: Array  # (7,) x, y, z and quaternion w, x, y, z of the body

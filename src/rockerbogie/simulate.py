@@ -76,9 +76,9 @@ def simulate(
 ) -> xr.Dataset:
     """Drive a rover along a path in MuJoCo.
 
-    Each wheel is asked for the rate that `drive` finds at that place, and steered by the path's curvature, both corrected by where
-    the rover is. On side slopes the body sways over wheels that hold their track, and wheels that do not steer skid through turns:
-    compare at the simulation's own places (`compare`).
+    Each wheel is asked for the rate that `drive` finds at that place, and steered by the path's curvature, both corrected by
+    where the rover is. On side slopes the body sways over wheels that hold their track, and wheels that do not steer skid through
+    turns: compare at the simulation's own places (`compare`).
 
     Args:
         path: where to go. The rover must be able to stand at its start, and its wheels must stay on known ground.
@@ -149,7 +149,8 @@ def _start(rover: Rover, terrain: Terrain, path: Path) -> Pose:
     pose = settle(rover, terrain, at.x, at.y, at.yaw, steering=ackermann(rover, at.curvature, at.course - at.yaw))
     if not np.isfinite(pose.q).all():
         raise PathError(
-            f"the rover does not settle at the path's start ({at.x:g}, {at.y:g}) m ({Status(int(pose.status)).name}): start elsewhere"
+            f"the rover does not settle at the path's start ({at.x:g}, {at.y:g}) m, {Status(int(pose.status)).name}: "
+            "start elsewhere"
         )
     return pose
 
