@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._kernels import linkage
-from .differential import MOST_COEFFICIENTS, DifferentialBar, check_ratio
+from .differential import DifferentialBar
 from .errors import RoverError
+from .validity import check_rover
 
 Array = NDArray[np.float64]
 
@@ -139,7 +140,7 @@ class Rover:
             wheel_names=tuple(wheel_names or _wheel_names(hub)),
             source=source,
         )
-        _validate(rover)
+        check_rover(rover)
         return rover
 
     @classmethod
@@ -211,7 +212,7 @@ class Rover:
     def replace(self, **changes: Any) -> Rover:
         """A copy with some fields changed (already in full shape), validated again."""
         rover = replace(self, **changes)
-        _validate(rover)
+        check_rover(rover)
         return rover
 
     # -- what follows from it -------------------------------------------------------------------------------------
@@ -357,67 +358,3 @@ def _points_link(mass: float, *points: Array) -> Link:
     r = p - p.mean(axis=0)
     inertia = mass / len(p) * sum(np.eye(3) * (v @ v) - np.outer(v, v) for v in r)
     return Link(mass, p.mean(axis=0), inertia + np.eye(3) * 1e-3 * np.trace(inertia))
-
-
-def possible_inertia(inertia: Array) -> bool:
-    """True for an inertia (3, 3) some rigid body has: symmetric, no moment negative or above the sum of the other two."""
-    moments = np.linalg.eigvalsh(inertia)
-    slack = 1e-9 * float(np.abs(inertia).max())
-    even = bool(np.abs(inertia - inertia.T).max() <= slack)
-    return even and bool(moments[0] >= -slack and moments[2] <= moments[0] + moments[1] + 1e3 * slack)
-
-
-def _validate(rover: Rover) -> None:
-    def check(good: bool, sentence: str) -> None:
-        if not good:
-            raise RoverError(f"rover {rover.name!r}: {sentence}")
-
-    check(len(rover.wheel_names) == 6 and len(set(rover.wheel_names)) == 6, "wheel_names needs six different names")
-    for label in ("rocker_pivot", "bogie_pivot", "hubs", "wheel_radius", "wheel_width", "steering_offset", "body_box"):
-        check(bool(np.isfinite(getattr(rover, label)).all()), f"{label} holds a value that is not finite")
-    check(bool((rover.wheel_radius > 0).all()), f"wheel_radius is {rover.wheel_radius.min():g} m; give one above 0")
-    check(bool((rover.wheel_width >= 0).all()), f"wheel_width is {rover.wheel_width.min():g} m; give 0 or more")
-    left, right = rover.hubs[::2, 1], rover.hubs[1::2, 1]
-    check(bool((left > right).all()), "a left hub does not stand left (greater y) of its right one: y points left")
-    arm = np.hypot(*(rover.bogie_pivot - rover.rocker_pivot)[:, [0, 2]].T)
-    check(bool((arm > 1e-6).all()), "bogie pivot and rocker pivot coincide in the side view: the linkage has no rocker")
-    for side in (0, 1):
-        chain = [rover.hubs[4 + side], rover.hubs[2 + side], rover.hubs[side]]
-        for i, j in ((0, 1), (1, 2), (0, 2)):
-            apart = np.hypot(*(chain[i] - chain[j])[[0, 2]])
-            across = abs(chain[i][1] - chain[j][1])
-            need = rover.wheel_radius[4 + side - 2 * i] + rover.wheel_radius[4 + side - 2 * j]
-            broad = (rover.wheel_width[4 + side - 2 * i] + rover.wheel_width[4 + side - 2 * j]) / 2
-            names = f"{rover.wheel_names[4 + side - 2 * i]} and {rover.wheel_names[4 + side - 2 * j]}"
-            check(apart >= need or across > broad, f"wheels {names} overlap: hubs {apart:.4g} m apart, radii sum {need:.4g} m")
-    for label in ("rocker_limits", "bogie_limits"):
-        low, high = getattr(rover, label)
-        check(low <= 0 <= high and low < high, f"{label} ({low:g}, {high:g}) must hold the rest angle 0 between them")
-        check(np.isinf(low) or low > -np.pi, f"{label} {low:g} rad is beyond a half turn: are these degrees?")
-        check(np.isinf(high) or high < np.pi, f"{label} {high:g} rad is beyond a half turn: are these degrees?")
-    c = rover.differential
-    good = c.ndim == 1 and 2 <= len(c) <= MOST_COEFFICIENTS and bool(np.isfinite(c).all())
-    check(good, f"differential needs 2 to {MOST_COEFFICIENTS} finite coefficients")
-    check(c[0] == 0 and c[1] < 0, "differential must turn the right rocker against the left one: c[0] = 0 and c[1] < 0")
-    check_ratio(float(c[1]), f"rover {rover.name!r}")
-    low, high = np.where(np.isfinite(rover.rocker_limits), rover.rocker_limits, 0.0)
-    reach = np.linspace(low, high, 201)
-    turns = np.polynomial.polynomial.polyval(reach, np.polynomial.polynomial.polyder(c)) < 0
-    stuck = float(np.degrees(np.abs(reach[~turns]).min(initial=np.inf)))
-    check(
-        bool(turns.all()), f"differential stops turning the right rocker at {stuck:.3g} deg of the left one: narrow rocker_limits"
-    )
-    check(bool((rover.body_box[0] < rover.body_box[1]).all()), "body_box: its first corner must be below its second")
-    for label, count in (("rockers", 2), ("bogies", 2), ("wheels", 6)):
-        check(len(getattr(rover, label)) == count, f"{label} needs {count} links, got {len(getattr(rover, label))}")
-    for link in rover.links:
-        check(np.isfinite(link.mass) and link.mass >= 0, f"a link's mass is {link.mass:g} kg; give 0 or more")
-        for label, shape in (("com", (3,)), ("inertia", (3, 3))):
-            value = np.asarray(getattr(link, label))
-            check(value.shape == shape, f"a link's {label} has shape {value.shape}; give {shape}")
-            check(bool(np.isfinite(value).all()), f"a link's {label} holds a value that is not finite")
-        check(
-            possible_inertia(link.inertia),
-            "a link's inertia is none a body can have: symmetric, not negative, no moment above the other two's sum",
-        )
-    check(rover.mass > 0, "the rover has no mass; give mass= in kg")

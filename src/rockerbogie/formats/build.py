@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from ..differential import check_ratio
 from ..errors import RoverError
-from ..rover import IDEAL_DIFFERENTIAL, Link, Rover, possible_inertia
+from ..rover import IDEAL_DIFFERENTIAL, Link, Rover
+from ..validity import possible_inertia
 from .find import Hinge, Roles, find_roles
 from .limits import check_size, check_wheelbase
 from .tree import DISC, Shape, Tree
