@@ -9,7 +9,7 @@ import pytest
 
 import rockerbogie as rb
 from helpers import assert_close, paper_rover, random_rover
-from rockerbogie.actuation import arc, crab, limit_steering_rate, straight, turn_in_place
+from rockerbogie.actuation import arc, commands_along, crab, straight, turn_in_place
 from rockerbogie.frames import wheel_frames
 from rockerbogie.jacobian import contact_rows, ground_rates
 from rockerbogie.navigation import Noise
@@ -42,11 +42,12 @@ def test_no_wheel_leaves_the_ground_as_the_pose_moves(width):
     lift = np.einsum("nij,nj->ni", rows[:, :, 2, :9], np.concatenate([twist, joints], axis=1))
     worst = np.abs(lift).max(axis=1)[good]
     # a broad wheel's contact may jump from edge to edge within the difference's step; nothing else may be off
-    assert_close(np.sort(worst)[: int(0.97 * good.sum())], 0.0, 1e-6, "m/s", "six gaps stay zero along settled poses")
-    assert_close(np.median(worst), 0.0, 3e-8, "m/s", "rounding in central differences, h = 1e-5")
+    speed = np.linalg.norm(twist, axis=1)[good].mean()
+    assert_close(np.sort(worst)[: int(0.97 * good.sum())], 0.0, 2e-6 * speed, "m/s", "six gaps stay zero along settled poses")
+    assert_close(np.median(worst), 0.0, 5e-7 * speed, "m/s", "contact angles are found to about a microradian")
     found = ground_rates(rows, twist)
-    near = worst < 1e-6
-    assert_close(found[near], joints[near], 2e-5, "rad/s", "the joints' rates that keep wheels on the ground are the pose's own")
+    near = np.abs(lift).max(axis=1) < 1e-5
+    assert_close(found[near], joints[near], 2e-4, "rad/s", "the joints' rates that keep wheels on the ground are the pose's own")
 
 
 def test_commands_and_back_without_slip_over_ground_uniform_across():
@@ -54,6 +55,8 @@ def test_commands_and_back_without_slip_over_ground_uniform_across():
     x = np.linspace(-3, 3, 400)
     pose, twist, joints, good = moving(rover, rb.surfaces.sine(0.1, 2.0), x, 0.3 + 0 * x, 0 * x, np.array([0.02, 0, 0]), 1e-3)
     commands = rb.wheel_commands(rover, pose, twist)
+    run = rb.drive(rover, rb.surfaces.sine(0.1, 2.0), rb.Path.straight((-3, 0.3), 0.0, 6.0), 0.02, step=6.0 / 399)
+    assert_close(commands.wheel_rates, run["wheel_rate"], 1e-6, "rad/s", "a drive's rates are the commands along it")
     size = np.linalg.norm(twist, axis=1).mean()
     assert_close(commands.side_slip, 0.0, 1e-12, "m/s", "straight ahead on ground uniform across, no wheel need slide")
     for sensors in ({}, {"rocker_rate": joints[:, 0], "bogie_rates": joints[:, 1:]}):
@@ -72,7 +75,7 @@ def test_residual_is_the_unavoidable_slip():
         rover, pose, motion.twist, commands.wheel_rates, rocker_rate=motion.rocker_rate, bogie_rates=motion.bogie_rates
     )
     left = np.stack([slip.roll, slip.side, slip.lift], axis=-1)
-    assert_close(left[good], motion.residual[good], 1e-12, "m/s", "the residual is the slip at the twist it found")
+    assert_close(left[good], motion.residual[good], 1e-7, "m/s", "the residual is the slip at the twist it found")
     assert np.linalg.norm(motion.residual[good]) > 1e-3, "turning with fixed wheels cannot be free of slip"
 
 
@@ -166,8 +169,6 @@ def test_limits_are_kept_and_what_is_given_up_is_told():
     assert np.abs(stiff.steering).max() <= 0.3
     assert_close(stiff.steering + stiff.steering_short, free.steering, 1e-12, "rad", "what is short is told")
     assert (np.abs(stiff.side_slip[np.abs(stiff.steering_short) > 1e-9]) > 1e-3).all(), "and the side slip it costs"
-    lagged = limit_steering_rate(np.arange(5.0), np.tile([1.0, -1.0, 0, 0.1, 0, 0], (5, 1)) * np.arange(5)[:, None] / 2, 0.2)
-    assert_close(np.abs(np.diff(lagged, axis=0)).max(), 0.2, 1e-15, "rad", "0.2 rad/s over a second")
     with pytest.raises(rb.RockerbogieError, match="limits are 0"):
         rb.wheel_commands(rover, flat, wanted, wheel_rate_limit=0)
     with pytest.raises(rb.RockerbogieError, match=r"twist has shape \(3,\)"):
@@ -226,3 +227,23 @@ def test_batches_and_lost_poses():
     assert motion.twist.shape == (3, 1, 2, 6)
     assert np.isfinite(motion.twist[:2]).all()
     assert np.isnan(motion.twist[2]).all(), "off the map there is no pose, and so no motion"
+
+
+def test_commands_along_a_path_slow_down_for_slow_motors():
+    rover = rb.load_rover("curiosity")
+    ground = rb.surfaces.plane(size=20.0)
+    run = rb.drive(rover, ground, rb.Path.waypoints([(-4, 0), (0, 0), (3, 3)], radius=3.0), 0.1, step=0.02)
+    free = commands_along(run)
+    assert_close(free["time"][-1], run["time"][-1], 1e-4, "s", "no limit, no delay")
+    slow = commands_along(run, wheel_rate_limit=0.3, steering_rate_limit=0.1)
+    assert np.abs(slow["wheel_rate"]).max() <= 0.3 + 1e-12
+    swing = np.abs(np.diff(slow["steering"], axis=0)).max(axis=1) / np.diff(slow["time"])
+    assert swing.max() <= 0.1 * (1 + 1e-6)
+    rolled = np.trapezoid(run["wheel_rate"], run["time"], axis=0)
+    for commands in (free, slow):
+        total = np.trapezoid(commands["wheel_rate"], commands["time"], axis=0)
+        assert_close(total, rolled, 1e-4, "rad", "the same way is rolled")
+    assert float(slow["time"][-1]) > float(run["time"][-1])
+    assert slow["speed_scale"].min() < 0.5
+    with pytest.raises(rb.RockerbogieError, match="limits are 0 and inf"):
+        commands_along(run, wheel_rate_limit=0)

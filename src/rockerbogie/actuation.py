@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,9 +12,13 @@ from .errors import RockerbogieError
 from .jacobian import Stance, contact_rows
 from .rover import Rover
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 Array = NDArray[np.float64]
 
 ITERATIONS = 12  # of the steering; each leaves a tenth of the error or less
+EDGE = 1e-6  # share of a step within which commands go over from one rate to the next
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,14 +83,51 @@ def wheel_commands(
     )  # fmt: skip
 
 
-def limit_steering_rate(time: ArrayLike, steering: ArrayLike, limit: float) -> Array:
-    """Steering (n, 6) that follows the wanted one over time (n,) no faster than `limit`, rad/s: it lags where it must."""
-    t, wanted = np.asarray(time, dtype=float), np.asarray(steering, dtype=float)
-    out = wanted.copy()
-    for k in range(1, len(t)):
-        room = limit * (t[k] - t[k - 1])
-        out[k] = out[k - 1] + np.clip(wanted[k] - out[k - 1], -room, room)
-    return out
+def commands_along(run: xr.Dataset, *, wheel_rate_limit: float = np.inf, steering_rate_limit: float = np.inf) -> xr.Dataset:
+    """Commands to send over time for a run along a path, no motor ever faster than it can: the rover slows down instead.
+
+    Args:
+        run: from `drive`: `wheel_rate` and `steering` (time, wheel).
+        wheel_rate_limit, steering_rate_limit: the fastest a wheel's and a steering motor turn, rad/s.
+
+    Returns:
+        Dataset with `wheel_rate` and `steering` (time, wheel) for `simulate(..., commands=...)`, over a time that is stretched
+        where a limit asks for it, and `speed_scale` (time): the share of the run's own speed that is left.
+
+    Raises:
+        RockerbogieError: a limit that is not above 0, or stations that did not settle: there are no commands for them.
+    """
+    import xarray as xr
+
+    if not (wheel_rate_limit > 0 and steering_rate_limit > 0):
+        raise RockerbogieError(f"limits are {wheel_rate_limit} and {steering_rate_limit} rad/s; give numbers above 0")
+    time, rate, steering = (np.asarray(run[name], dtype=float) for name in ("time", "wheel_rate", "steering"))
+    if not (np.isfinite(rate).all() and np.isfinite(steering).all()):
+        k = int(np.argmin(np.isfinite(rate).all(axis=1)))
+        raise RockerbogieError(
+            f"the run did not settle at {time[k]:g} s: no commands can be given there; take another path"
+        )
+    dt = np.diff(time)
+    turned = 0.5 * (rate[1:] + rate[:-1]) * dt[:, None]
+    swung = np.abs(np.diff(steering, axis=0)).max(axis=1)
+    needed = np.maximum(np.abs(turned).max(axis=1) / wheel_rate_limit, swung / steering_rate_limit)
+    lasts = np.maximum(dt, needed)
+    later = time[0] + np.concatenate([[0.0], np.cumsum(lasts)])
+    # each step of the run at its own steady rate, from just after its start to just before its end
+    edges = np.stack([later[:-1] + EDGE * lasts, later[1:] - EDGE * lasts], axis=-1).ravel()
+    turn = np.stack([np.interp(edges, later, column) for column in steering.T], axis=-1)
+    return xr.Dataset(
+        {
+            "wheel_rate": (("time", "wheel"), np.repeat(turned / lasts[:, None], 2, axis=0), {"units": "rad/s"}),
+            "steering": (("time", "wheel"), turn, {"units": "rad"}),
+            "speed_scale": (
+                "time",
+                np.repeat(dt / lasts, 2),
+                {"units": "1", "long_name": "share of the speed left"},
+            ),
+        },
+        {"time": ("time", edges, {"units": "s"}), "wheel": run["wheel"]},
+    )
 
 
 def straight(speed: float) -> Array:

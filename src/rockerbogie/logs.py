@@ -155,7 +155,7 @@ def _read_netcdf(path: Path, rover: Rover) -> xr.Dataset:
         log = log.sel(wheel=list(rover.wheel_names))
     if "time" not in log.coords:
         raise RockerbogieError(f"{path.name} has no coordinate 'time'")
-    return log.drop_vars([name for name in log.data_vars if name not in LOG_VARIABLES])
+    return log.reset_coords(drop=True).drop_vars([name for name in log.data_vars if name not in LOG_VARIABLES])
 
 
 def _assemble(columns: dict[str, Array], rover: Rover, file: str, names: Mapping[str, str]) -> xr.Dataset:

@@ -22,16 +22,16 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 #: How far a wheel's way over the ground departs from the plane through all six, where no map tells it: rad.
-UNKNOWN_SLOPE = 0.2
+UNKNOWN_SLOPE = 0.15
 #: And from the map's slope where there is a map.
-MAPPED_SLOPE = 0.03
+MAPPED_SLOPE = 0.1
 #: Share of the speed at which wheels slip along and across their way, and a floor under it, m/s.
-ROLL_SHARE, SIDE_SHARE, LEAST_SLIP = 0.03, 0.1, 1e-4
+ROLL_SHARE, SIDE_SHARE, LEAST_SLIP = 0.1, 0.1, 1e-4
 #: Rounds from contact angles to velocities and back; and at most from the track to the ground under it and back, which
 #: end when the track moves no further than `SETTLED`, m.
 ROUNDS, MAP_ROUNDS, SETTLED = 4, 10, 1e-4
-#: Below this a hub's velocity has no direction worth having, m/s.
-STANDING = 1e-4
+#: Below this a hub's velocity has no direction worth having, m/s; and the sine of the steepest way one is thought to go.
+STANDING, STEEPEST = 1e-4, 0.8
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class SlopeSlip:
     """Soil on which slip grows with the slope.
 
     A wheel that lays down d m/s of rim on a slope whose sines are u ahead and c to the left (uphill positive) makes
-    d − along·u·|d| ahead and slides across·c·|d| to its right.
+    d − along·u·‖d‖ ahead and slides across·c·‖d‖ to its right.
     """
 
     along: float
@@ -82,29 +82,19 @@ def odometry(
         raise RockerbogieError("slip on a slope needs the slope: the log has no roll and pitch")
     plane = _plane_stance(rover, s)
     soil_slip = np.zeros((*s.steering.shape, 3)) if soil is None else _soil_slip(rover, s, plane, soil)
-    stance, motion = _without_map(rover, s, plane, soil_slip)
+    stance, motion = _reckon(rover, s, plane, soil_slip, None, UNKNOWN_SLOPE)
     T = _integrate(s, motion.twist, start)
-    if terrain is None:
-        return _dataset(rover, s, T, motion, stance.contact_angle)
-    blind, turned = motion.twist, np.concatenate([s.steering[:1], s.steering])
-    for _ in range(MAP_ROUNDS):
-        x, y, yaw = T[:, 0, 3], T[:, 1, 3], np.unwrap(np.arctan2(T[:, 1, 0], T[:, 0, 0]))
-        at = settle(rover, terrain, x, y, yaw, steering=turned)
-        between = settle(rover, terrain, _middle(x), _middle(y), _middle(yaw), steering=s.steering)
-        motion = body_twist(rover, between, **s.readings, expected_slip=soil_slip, noise=s.noise(rover, MAPPED_SLOPE))
-        known = np.isfinite(motion.twist).all(axis=1, keepdims=True)
-        if s.lean is None and not np.isfinite(at.q).all():
-            k = int(np.argmin(np.isfinite(at.q).all(axis=1)))
-            raise RockerbogieError(
-                f"after {s.time[k] - s.time[0]:g} s the rover cannot stand on the map at ({x[k]:.4g}, {y[k]:.4g}) m, "
-                "and the log has no roll and pitch to go on with: load more ground, or leave the map out"
-            )
-        leant = s if s.lean is not None else replace(s, lean=np.stack([at.roll, at.pitch], axis=-1))
-        T = _integrate(leant, np.where(known, motion.twist, blind), (*start[:2], float(at.z[0])))
-        T[:, 2, 3] = at.z
-        if np.hypot(T[:, 0, 3] - x, T[:, 1, 3] - y).max() < SETTLED:
+    for _ in range(MAP_ROUNDS if terrain is not None else 0):
+        assert terrain is not None
+        before = T[:, :2, 3].copy()
+        leant, z = _on_map(rover, s, T, terrain)
+        plane = replace(plane, roll=_middle(leant.lean[:, 0]), pitch=_middle(leant.lean[:, 1]))  # type: ignore[index]
+        stance, motion = _reckon(rover, leant, plane, soil_slip, _climb(s, T, z, plane, motion), MAPPED_SLOPE)
+        T = _integrate(leant, motion.twist, (*start[:2], z[0]))
+        T[:, 2, 3] = z
+        if np.hypot(*(T[:, :2, 3] - before).T).max() < SETTLED:
             break
-    return _dataset(rover, s, T, motion, between.contact_angle)
+    return _dataset(rover, s, T, motion, stance.contact_angle)
 
 
 def flat_odometry(
@@ -121,7 +111,9 @@ def flat_odometry(
     level = level.assign(rocker=still, roll=still, pitch=still, bogie=(("time", "side"), np.zeros((log.sizes["time"], 2))))
     if heading and "yaw" in log:
         level = level.assign(yaw=log["yaw"])
-    return odometry(rover, level, start=start)
+    track = odometry(rover, level, start=start)
+    track["z"].values[:] = start[2]  # hubs that are not quite level would climb
+    return track
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,10 +198,11 @@ def _plane_stance(rover: Rover, s: _Sensors) -> SimpleStance:
     hub = axle[..., :3, 3]
     design = np.concatenate([hub[..., :2], np.ones((*hub.shape[:-1], 1))], axis=-1)
     slope = np.einsum("...ij,...j->...i", np.linalg.pinv(design), hub[..., 2])
-    normal = np.stack([-slope[:, 0], -slope[:, 1], np.ones(len(slope))], axis=-1)[:, None, :]
+    normal = np.stack([-slope[:, 0], -slope[:, 1], np.ones(len(slope))], axis=-1)
+    normal = np.repeat((normal / np.linalg.norm(normal, axis=1, keepdims=True))[:, None, :], 6, axis=1)
     delta = np.arctan2((normal * axle[..., :3, 0]).sum(axis=-1), (normal * axle[..., :3, 2]).sum(axis=-1))
     lean = np.zeros((len(slope), 2)) if s.lean is None else _middle(s.lean)
-    return SimpleStance(s.rocker, s.bogie, delta, s.steering, lean[:, 0], lean[:, 1])
+    return SimpleStance(s.rocker, s.bogie, delta, s.steering, lean[:, 0], lean[:, 1], normal)
 
 
 def _soil_slip(rover: Rover, s: _Sensors, plane: SimpleStance, soil: SlopeSlip) -> Array:
@@ -221,21 +214,52 @@ def _soil_slip(rover: Rover, s: _Sensors, plane: SimpleStance, soil: SlopeSlip) 
     return soil.slip(rover.wheel_radius * s.wheel_rates, ahead, left)
 
 
-def _without_map(rover: Rover, s: _Sensors, plane: SimpleStance, soil_slip: Array) -> tuple[SimpleStance, Motion]:
-    """Motion and contact angles together: a hub goes along the tread's tangent, at an angle that is near the plane's."""
-    stance, along = plane, rover.wheel_radius * s.wheel_rates
+def _reckon(
+    rover: Rover, s: _Sensors, plane: SimpleStance, soil_slip: Array, climb: Array | None, slope: float
+) -> tuple[SimpleStance, Motion]:
+    """Motion and contact angles together: each hub goes along its own tread's tangent, and off the plane of all six at the
+    rate that leaves the body's `climb` (n,) m/s; where no map tells that, their mean off it is nought."""
+    assert plane.normal is not None
+    stance, expected = plane, soil_slip.copy()
     for _ in range(ROUNDS):
-        expected = soil_slip.copy()
-        expected[..., 2] = along * np.sin(stance.contact_angle - plane.contact_angle)
-        motion = body_twist(rover, stance, **s.readings, expected_slip=expected, noise=s.noise(rover, UNKNOWN_SLOPE))
+        motion = body_twist(rover, stance, **s.readings, expected_slip=expected, noise=s.noise(rover, slope))
         rows = contact_rows(rover, stance)
         m = np.concatenate([motion.twist, motion.rocker_rate[:, None], motion.bogie_rates], axis=1)
         contact = np.einsum("nijk,nk->nij", rows[..., :9], m)
-        along = contact[..., 0] + rover.wheel_radius * contact[..., 4]  # the hub's velocity along and off the tangent
+        along = contact[..., 0] + rover.wheel_radius * contact[..., 4]  # the hub's velocity
         off = contact[..., 2]
-        climb = np.where(np.abs(along) > STANDING, np.arctan(off / np.where(along == 0, 1.0, along)), 0.0)
-        stance = replace(stance, contact_angle=stance.contact_angle - climb)
+        sine = np.divide(off, along, out=np.zeros_like(along), where=np.abs(along) > STANDING)
+        stance = replace(stance, contact_angle=plane.contact_angle - np.arcsin(np.clip(sine, -STEEPEST, STEEPEST)))
+        rise = -off.mean(axis=1) if climb is None else climb - (plane.normal[:, 0] * motion.twist[:, :3]).sum(axis=1)
+        expected[..., 2] = off + rise[:, None]  # how the wheels rise against each other is for the joints to say
     return stance, motion
+
+
+def _on_map(rover: Rover, s: _Sensors, T: Array, terrain: Terrain) -> tuple[_Sensors, Array]:
+    """The rover let down along its track (n + 1): its height; its roll and pitch too, where the log has none."""
+    x, y, yaw = T[:, 0, 3], T[:, 1, 3], np.unwrap(np.arctan2(T[:, 1, 0], T[:, 0, 0]))
+    pose = settle(rover, terrain, x, y, yaw, steering=np.concatenate([s.steering[:1], s.steering]))
+    known = np.isfinite(pose.q).all(axis=1)
+    if s.lean is None and not known.all():
+        k = int(np.argmin(known))
+        raise RockerbogieError(
+            f"after {s.time[k] - s.time[0]:g} s the rover cannot stand on the map at ({x[k]:.4g}, {y[k]:.4g}) m, "
+            "and the log has no roll and pitch to go on with: load more ground, or leave the map out"
+        )
+    if s.lean is not None:
+        return s, pose.z
+    lean = np.stack([pose.roll, pose.pitch], axis=-1)
+    rates = np.diff(lean, axis=0) / np.diff(s.time)[:, None]
+    return replace(s, lean=lean, readings=s.readings | {"inclinometer_rates": rates}), pose.z
+
+
+def _climb(s: _Sensors, T: Array, z: Array, plane: SimpleStance, motion: Motion) -> Array:
+    """How fast (n,) the body leaves the plane of its wheels, when it rises as the map does; 0 where the map does not tell."""
+    assert plane.normal is not None
+    R = _middle(T[:, :3, :3])
+    v = np.einsum("nij,nj->ni", R, motion.twist[:, :3])
+    v[:, 2] = np.diff(z) / np.diff(s.time)
+    return np.asarray(np.nan_to_num(np.einsum("nij,nj,ni->n", R, plane.normal[:, 0], v)))
 
 
 def _integrate(s: _Sensors, twist: Array, start: tuple[float, ...]) -> Array:
