@@ -104,9 +104,7 @@ def commands_along(run: xr.Dataset, *, wheel_rate_limit: float = np.inf, steerin
     time, rate, steering = (np.asarray(run[name], dtype=float) for name in ("time", "wheel_rate", "steering"))
     if not (np.isfinite(rate).all() and np.isfinite(steering).all()):
         k = int(np.argmin(np.isfinite(rate).all(axis=1)))
-        raise RockerbogieError(
-            f"the run did not settle at {time[k]:g} s: no commands can be given there; take another path"
-        )
+        raise RockerbogieError(f"the run did not settle at {time[k]:g} s: no commands can be given there; take another path")
     dt = np.diff(time)
     turned = 0.5 * (rate[1:] + rate[:-1]) * dt[:, None]
     swung = np.abs(np.diff(steering, axis=0)).max(axis=1)
