@@ -222,6 +222,8 @@ def _summary(run: xr.Dataset) -> dict[str, Any]:
     distance = run["distance"].values
     extremes = {}
     for name in ("tilt", "roll", "pitch", "rocker", "bogie_left", "bogie_right", "clearance"):
+        if np.isnan(channels[name]).all():
+            continue  # no clearance is known where the body reaches over the map's rim
         low, high = int(np.nanargmin(channels[name])), int(np.nanargmax(channels[name]))
         extremes[name] = {
             "min": float(channels[name][low]), "min_at": float(distance[low]),
@@ -249,11 +251,18 @@ def _print_summary(rover: Rover, summary: dict[str, Any]) -> None:
     table = Table(box=box.SIMPLE, padding=(0, 1))
     for head in ("", "least", "at", "greatest", "at", "stops"):
         table.add_column(head, justify="left" if head in ("", "stops") else "right")
-    stops = {"rocker": rover.rocker_limits, "bogie_left": rover.bogie_limits, "bogie_right": rover.bogie_limits}
+    stops = {
+        name: ", ".join(f"{limit:+.3g}°" for limit in np.degrees(limits))
+        for name, limits in (
+            ("rocker", rover.rocker_limits),
+            ("bogie_left", rover.bogie_limits),
+            ("bogie_right", rover.bogie_limits),
+        )
+        if np.isfinite(limits).any()
+    }
     for name, found in summary["extremes"].items():
         low, high = (f"{found[k]:.3f} m" if name == "clearance" else f"{np.degrees(found[k]):.2f}°" for k in ("min", "max"))
-        limits = stops.get(name)
-        known = limits is not None and np.isfinite(limits).any()
-        between = f"{np.degrees(limits[0]):+.3g}°, {np.degrees(limits[1]):+.3g}°" if known and limits is not None else ""
-        table.add_row(name.replace("_", " "), low, f"{found['min_at']:.2f} m", high, f"{found['max_at']:.2f} m", between)
+        table.add_row(
+            name.replace("_", " "), low, f"{found['min_at']:.2f} m", high, f"{found['max_at']:.2f} m", stops.get(name, "")
+        )
     console.print(table)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from numpy.typing import NDArray
 from PIL import Image
 
 from ..rover import Rover
@@ -15,8 +16,8 @@ from ..terrain import Terrain
 from .landscape import ground_mesh
 from .paper import VIEW, crossing_bounds, tracks
 from .render import Camera, Mesh
-from .scene import draw, grid_step, picture_height, stance_mesh
-from .style import COLOURS, INK, LEFT, RIGHT, figure, look
+from .scene import grid_step, picture_height, stance_mesh, sunlit
+from .style import COLOURS, LEFT, RIGHT, figure, look
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 _WIDTH = 760
 _CHART = 190  # px
 _FRAME = 80  # ms
+_NOW = (34, 34, 34)  # colour of the line that runs along
 _CELLS = 130
 
 
@@ -42,11 +44,31 @@ def crossing_gif(
     height = picture_height(*VIEW, ground, _WIDTH, 0.06)
     camera = Camera.framing(ground.corners, *VIEW, (_WIDTH, height), margin=(0.01, 0.01, 0.08, 0.02))
     stops = np.linspace(0, run.sizes["time"] - 1, frames).round().astype(int)
+    page, column, rows = _page(run, height)
+    pictures = []
+    for done, k in enumerate(stops):
+        scene = sunlit(Mesh.join([ground, stance_mesh(rover, run.isel(time=int(k)))]), camera, 0.0, grid_step(bounds))
+        picture = page.copy()
+        picture[:height] = 255 * (scene[..., :3] * scene[..., 3:] + 1 - scene[..., 3:])
+        picture[rows, column[k] : column[k] + 2] = _NOW
+        pictures.append(Image.fromarray(picture))
+        progress((done + 1) / frames)
+    colours = np.array(pictures[len(pictures) // 2].quantize(256, kmeans=2).getpalette()).reshape(-1, 3)
+    colours[colours.min(axis=1) > 248] = 255  # paper white, which averaging has greyed
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(colours.ravel().tolist())
+    still = [p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures]
+    still[0].save(file, save_all=True, append_images=still[1:], duration=[_FRAME] * (frames - 1) + [1200], loop=0, optimize=True)
+
+
+def _page(run: xr.Dataset, height: int) -> tuple[NDArray[np.uint8], NDArray[np.int64], slice]:
+    """What stands still: white over `height` pixels with the angles charted below; the column of every time, the chart's rows."""
+    whole = height + _CHART
     with look():
-        fig = figure(_WIDTH / 100, (height + _CHART) / 100)
+        fig = figure(_WIDTH / 100, whole / 100)
+        fig.set_dpi(100)
         fig.set_layout_engine("none")
-        scene = fig.add_axes((0, _CHART / (height + _CHART), 1, height / (height + _CHART)))
-        chart = fig.add_axes((0.075, 0.27 * _CHART / (height + _CHART), 0.74, 0.66 * _CHART / (height + _CHART)))
+        chart = fig.add_axes((0.075, 0.27 * _CHART / whole, 0.74, 0.66 * _CHART / whole))
         lines = (
             ("pitch", run["pitch"], COLOURS["pitch"]),
             ("roll", run["roll"], COLOURS["roll"]),
@@ -58,20 +80,10 @@ def crossing_gif(
         chart.set_xlabel("X (m)")
         chart.set_ylabel("deg")
         chart.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), fontsize=8.5)
-        now = chart.axvline(0, color=INK, lw=1.2)
-        pictures = []
         canvas = FigureCanvasAgg(fig)
-        fig.set_dpi(100)
-        for done, k in enumerate(stops):
-            scene.clear()
-            draw(scene, Mesh.join([ground, stance_mesh(rover, run.isel(time=int(k)))]), camera, 0.0, grid_step(bounds))
-            now.set_xdata([float(run["x"][k])] * 2)
-            canvas.draw()  # type: ignore[no-untyped-call]
-            pictures.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))  # type: ignore[no-untyped-call]
-            progress((done + 1) / frames)
-    colours = np.array(pictures[len(pictures) // 2].quantize(256, kmeans=2).getpalette()).reshape(-1, 3)
-    colours[colours.min(axis=1) > 248] = 255  # paper white, which averaging has greyed
-    palette = Image.new("P", (1, 1))
-    palette.putpalette(colours.ravel().tolist())
-    still = [p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures]
-    still[0].save(file, save_all=True, append_images=still[1:], duration=[_FRAME] * (frames - 1) + [1200], loop=0, optimize=True)
+        canvas.draw()  # type: ignore[no-untyped-call]
+        page = np.array(canvas.buffer_rgba())[..., :3]  # type: ignore[no-untyped-call]
+        x = run["x"].to_numpy()
+        column = chart.transData.transform(np.stack([x, 0 * x], axis=1))[:, 0].astype(int)
+        box = chart.get_window_extent()
+    return page, column, slice(whole - int(box.y1), whole - int(box.y0))

@@ -54,14 +54,18 @@ def picture_height(azimuth: float, elevation: float, mesh: Mesh, width: int, roo
     return round((np.ptp(seen) + room * width) / 20) * 20
 
 
-def draw(ax: Axes, mesh: Mesh, camera: Camera, yaw: float, grid: float) -> None:
-    """Show a mesh on axes measured in pixels, lit over that shoulder which a rover heading `yaw` turns its side to."""
+def sunlit(mesh: Mesh, camera: Camera, yaw: float, grid: float) -> Array:
+    """The picture (height, width, 4), lit over that shoulder of the viewer which a rover heading `yaw` turns its side to."""
     azimuth = float(np.arctan2(-camera.axes[2, 1], -camera.axes[2, 0]))
     to_left, to_right = (_wrap(yaw + side - azimuth) for side in (np.pi / 2, -np.pi / 2))
     beside = to_left if abs(to_left) < abs(to_right) else to_right
     sun = azimuth + float(np.clip(beside, -_SUN_BESIDE, _SUN_BESIDE))
-    image = render(mesh, camera, sun=(sun, _SUN_HEIGHT), grid=grid)
-    ax.imshow(image, extent=(0, camera.size[0], camera.size[1], 0), interpolation="antialiased")
+    return render(mesh, camera, sun=(sun, _SUN_HEIGHT), grid=grid)
+
+
+def draw(ax: Axes, mesh: Mesh, camera: Camera, yaw: float, grid: float) -> None:
+    """Show a mesh on axes measured in the camera's pixels."""
+    ax.imshow(sunlit(mesh, camera, yaw, grid), extent=(0, camera.size[0], camera.size[1], 0), interpolation="antialiased")
     ax.set_xlim(0, camera.size[0])
     ax.set_ylim(camera.size[1], 0)
     ax.set_axis_off()
