@@ -65,7 +65,7 @@ def test_the_folder_is_whole(name: str) -> None:
     folder = presets()[name]
     readme = (folder / "README.md").read_text(encoding="utf-8")
     assert readme.startswith(f"# {name}: ")
-    assert (folder / "picture.png").stat().st_size > 20_000
+    assert (folder / "picture.png").stat().st_size > 8_000
     for part in ("](picture.png)", "Source", "| quantity | grade | why |", "From source to number", "\n1. ", "\n2. ", "tops"):
         assert part in readme
     assert set(read_details(name)) == {"title", "grade"}
