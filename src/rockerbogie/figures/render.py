@@ -95,7 +95,7 @@ class Camera:
     def project(self, points: ArrayLike) -> Array:
         """(..., 3) of points (..., 3): pixels right and down, and nearness, linear over the picture."""
         given = np.asarray(points, dtype=float)
-        p = (given.reshape(-1, 3) - self.eye) @ self.axes.T
+        p = np.einsum("nj,ij->ni", given.reshape(-1, 3) - self.eye, self.axes)  # no BLAS: its threads cost more than they do
         if self.perspective:
             p[:, 2] = 1 / p[:, 2]
             p[:, :2] *= p[:, 2:]
@@ -119,14 +119,15 @@ def render(mesh: Mesh, camera: Camera, *, sun: tuple[float, float], grid: float 
         finer: render this many times finer and average, against jagged edges.
     """
     fine = camera.enlarged(finer)
-    index, _ = _visible(mesh, fine)
+    seen = fine.project(mesh.corners)
+    index, _ = _visible(seen, fine)
     light = Camera.framing(mesh.corners, *sun, (camera.size[0], camera.size[0]), perspective=False)
-    _, shadow = _visible(mesh, light)
+    _, shadow = _visible(light.project(mesh.corners), light)
     extent = float(np.ptp(mesh.corners.reshape(-1, 3), axis=0).max())
     pixel = float(np.linalg.norm(mesh.corners[0, 0] - camera.eye)) / camera.scale  # m, about
     image = np.zeros((camera.size[1], camera.size[0], 4))
     picture.shade(
-        index, fine.project(mesh.corners), mesh.corners, mesh.normals, mesh.colours, mesh.ruled, fine.eye,
+        index, seen, mesh.corners, mesh.normals, mesh.colours, mesh.ruled, fine.eye,
         -light.axes[2], shadow, light.axes, light.eye, light.scale, light.shift,
         SHADOW_BIAS * extent, grid, 0.5 * pixel, finer, image,
     )  # fmt: skip
@@ -137,7 +138,7 @@ def render(mesh: Mesh, camera: Camera, *, sun: tuple[float, float], grid: float 
 
 def hidden_by(mesh: Mesh, camera: Camera, points: ArrayLike) -> Array:
     """How far (n,) the nearest surface stands before points (n, 3) of a perspective view, m; nan out of the picture."""
-    _, near = _visible(mesh, camera)
+    _, near = _visible(camera.project(mesh.corners), camera)
     place = camera.project(points)
     out = np.full(len(place), np.nan)
     for i, (u, v, n) in enumerate(place):
@@ -146,9 +147,9 @@ def hidden_by(mesh: Mesh, camera: Camera, points: ArrayLike) -> Array:
     return out
 
 
-def _visible(mesh: Mesh, camera: Camera) -> tuple[NDArray[np.int32], Array]:
-    """Which triangle each pixel sees (-1 none), and its nearness."""
+def _visible(triangles: Array, camera: Camera) -> tuple[NDArray[np.int32], Array]:
+    """Which of the projected triangles (n, 3, 3) each pixel sees (-1 none), and its nearness."""
     index = np.full((camera.size[1], camera.size[0]), -1, dtype=np.int32)
     near = np.full(index.shape, -np.inf)
-    picture.rasterise(camera.project(mesh.corners), index, near)
+    picture.rasterise(triangles, index, near)
     return index, near
