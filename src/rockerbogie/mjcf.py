@@ -18,6 +18,7 @@ from .errors import TerrainError
 from .formats.mjcf import exact_text
 from .frames import ON_BOGIE, WHEEL_SIDE
 from .rover import Link, Rover
+from .settle import settle
 from .terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -63,7 +64,8 @@ def to_mjcf(
     hub has a speed servo, its steering axis an angle servo (docs/simulation.md).
 
     Args:
-        terrain: becomes the height field `terrain`, its heights in the text itself; none leaves the rover alone in space.
+        terrain: becomes the height field `terrain`, its heights in the text itself; the rover starts half a wheel's radius above
+            its middle, if it can stand there. None leaves the rover alone in space.
         region: (xmin, ymin, xmax, ymax) of the ground to take, m. Default: all of it.
         cell: step of the height field, m. Default: fine enough for its triangles to follow the terrain's curved cells.
         friction: coefficient of sliding friction between wheels and ground.
@@ -73,6 +75,11 @@ def to_mjcf(
         TerrainError: no known ground in the region.
     """
     spec = build_spec(rover, terrain, region=region, cell=cell, friction=friction)
+    if terrain is not None:
+        xmin, ymin, xmax, ymax = region or terrain.bounds
+        pose = settle(rover, terrain, (xmin + xmax) / 2, (ymin + ymax) / 2)
+        if np.isfinite(pose.z):
+            spec.body("body").pos = pose.x, pose.y, pose.z + rover.wheel_radius.max() / 2
     return exact_text(spec)
 
 
