@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from .frames import dh_table as dh_table
     from .frames import wheel_frames as wheel_frames
     from .jacobian import JACOBIAN_COLUMNS as JACOBIAN_COLUMNS
+    from .jacobian import SimpleStance as SimpleStance
     from .jacobian import system_jacobian as system_jacobian
     from .jacobian import wheel_jacobians as wheel_jacobians
     from .logs import read_log as read_log
@@ -83,6 +84,7 @@ _EXPORTS = {
     "wheel_jacobians": "jacobian",
     "JACOBIAN_COLUMNS": "jacobian",
     "system_jacobian": "jacobian",
+    "SimpleStance": "jacobian",
     "body_twist": "navigation",
     "Noise": "navigation",
     "wheel_commands": "actuation",
