@@ -16,6 +16,7 @@ from .._kernels import picture
 
 Array = NDArray[np.float64]
 
+FINER = 2  # a picture is rendered this many times finer and averaged, against jagged edges
 SHADOW_BIAS = 0.004  # of the scene's size: less makes surfaces shade themselves, more lets shadows float
 
 
@@ -95,7 +96,8 @@ class Camera:
     def project(self, points: ArrayLike) -> Array:
         """(..., 3) of points (..., 3): pixels right and down, and nearness, linear over the picture."""
         given = np.asarray(points, dtype=float)
-        p = np.einsum("nj,ij->ni", given.reshape(-1, 3) - self.eye, self.axes)  # no BLAS: its threads cost more than they do
+        away = given.reshape(-1, 3) - self.eye
+        p: Array = np.einsum("nj,ij->ni", away, self.axes)  # no BLAS: its threads cost more than they do
         if self.perspective:
             p[:, 2] = 1 / p[:, 2]
             p[:, :2] *= p[:, 2:]
@@ -110,15 +112,14 @@ class Camera:
         return Camera(self.eye, self.axes, self.scale * factor, self.shift * factor, self.perspective, size)
 
 
-def render(mesh: Mesh, camera: Camera, *, sun: tuple[float, float], grid: float = 0.0, finer: int = 2) -> Array:
+def render(mesh: Mesh, camera: Camera, *, sun: tuple[float, float], grid: float = 0.0) -> Array:
     """The picture (height, width, 4), from 0 to 1, transparent where nothing is.
 
     Args:
         sun: azimuth and elevation of the light, rad.
         grid: spacing of the lines ruled on the ground, m; 0 draws none.
-        finer: render this many times finer and average, against jagged edges.
     """
-    fine = camera.enlarged(finer)
+    fine = camera.enlarged(FINER)
     seen = fine.project(mesh.corners)
     index, _ = _visible(seen, fine)
     light = Camera.framing(mesh.corners, *sun, (camera.size[0], camera.size[0]), perspective=False)
@@ -129,7 +130,7 @@ def render(mesh: Mesh, camera: Camera, *, sun: tuple[float, float], grid: float 
     picture.shade(
         index, seen, mesh.corners, mesh.normals, mesh.colours, mesh.ruled, fine.eye,
         -light.axes[2], shadow, light.axes, light.eye, light.scale, light.shift,
-        SHADOW_BIAS * extent, grid, 0.5 * pixel, finer, image,
+        SHADOW_BIAS * extent, grid, 0.5 * pixel, FINER, image,
     )  # fmt: skip
     alpha = image[..., 3:]
     image[..., :3] = np.where(alpha > 0, image[..., :3] / np.maximum(alpha, 1e-12), 1.0)
@@ -143,7 +144,8 @@ def hidden_by(mesh: Mesh, camera: Camera, points: ArrayLike) -> Array:
     out = np.full(len(place), np.nan)
     for i, (u, v, n) in enumerate(place):
         if 0 <= u < camera.size[0] and 0 <= v < camera.size[1]:
-            out[i] = max(0.0, 1 / n - 1 / near[int(v), int(u)])
+            seen = near[int(v), int(u)]
+            out[i] = max(0.0, 1 / n - 1 / seen) if seen > 0 else 0.0
     return out
 
 
