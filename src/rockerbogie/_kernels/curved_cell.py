@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .flat_cell import ENDS, rim_over_cell
+from .flat_cell import ENDS, HAIR, rim_over_cell
 from .ground import META_DX, META_DY, surface
 from .jit import inlined, njit
 from .wheel import (
@@ -106,7 +106,7 @@ def search_curved_cell(
     if half > 0.0:
         count = _inside(grid, meta, w, bends, x0, x1, y0, y1, best, keep, found, count)
     across = 0.5 * (x0 + x1) * w[VX] + 0.5 * (y0 + y1) * w[VY]
-    near = 0.5 * ((x1 - x0) * abs(w[VX]) + (y1 - y0) * abs(w[VY])) + w[RADIUS] * abs(w[AZ])
+    near = 0.5 * ((x1 - x0) * abs(w[VX]) + (y1 - y0) * abs(w[VY])) + w[RADIUS] * abs(w[AZ]) + HAIR * (x1 - x0 + y1 - y0)
     for side in range(2 if half > 0.0 else 1):
         s = half if side == 0 else -half
         if abs(s * w[COS] - across) > near:

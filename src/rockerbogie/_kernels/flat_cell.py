@@ -16,6 +16,8 @@ from .wheel import AX, AY, AZ, COS, EX, EY, GAP, HALF, HZ, RADIUS, TAN, UX, UY, 
 
 Array = NDArray[np.float64]
 
+HAIR = 1e-10  # of a cell: more than rounding, and nothing to the gap
+
 
 @njit
 def search_flat_cell(
@@ -45,7 +47,7 @@ def search_flat_cell(
         count = _inside_tread(w, -1.0, x1, y1, e, best, keep, found, count)
     # a rim matters where it passes over the cell
     middle = (x0 + 0.5 * dx) * w[VX] + (y0 + 0.5 * dy) * w[VY]
-    near = 0.5 * (dx * abs(w[VX]) + dy * abs(w[VY])) + w[RADIUS] * abs(w[AZ])
+    near = 0.5 * (dx * abs(w[VX]) + dy * abs(w[VY])) + w[RADIUS] * abs(w[AZ]) + HAIR * (dx + dy)
     for side in range(2):
         s = half if side == 0 else -half
         if abs(s * w[COS] - middle) <= near:
@@ -84,14 +86,15 @@ def rim_over_cell(
                         ends[j, 0], ends[j, 1] = sine, cosine
                         n += 1
     ends[n, 0], ends[n, 1] = sign, 0.0
-    # keep the pieces whose middle lies in the cell
+    # keep the pieces whose middle lies in the cell; a rim right on a grid line lies in both its cells, not in neither
+    slack = HAIR * (x1 - x0 + y1 - y0)
     pieces = 0
     ls, lc = ends[0, 0], ends[0, 1]
     for i in range(n):
         rs, rc = ends[i + 1, 0], ends[i + 1, 1]
         ms, mc = middle(ls, lc, rs, rc, sign)
         x, y, _ = tread_point(w, ms, mc, s)
-        if x0 <= x <= x1 and y0 <= y <= y1:
+        if x0 - slack <= x <= x1 + slack and y0 - slack <= y <= y1 + slack:
             at = ENDS + 2 * pieces
             ends[at, 0], ends[at, 1], ends[at + 1, 0], ends[at + 1, 1] = ls, lc, rs, rc
             pieces += 1

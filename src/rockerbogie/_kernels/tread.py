@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .curved_cell import follow_smooth, search_curved_cell
-from .flat_cell import search_flat_cell
+from .flat_cell import HAIR, search_flat_cell
 from .ground import META_BEND, META_CUBIC, META_DX, META_DY, META_NX, META_NY, on_map
 from .jit import njit
 from .wheel import (
@@ -120,10 +120,11 @@ def least_gap(
     ends, bends, c, bound = work.ends, work.bends, work.cell, work.bound
     best[GAP], best[SIN], best[COSINE], best[PLACE] = gap_at(grid, meta, w, sine, cosine, s), sine, cosine, s
     last_i, last_j = int(meta[META_NX]) - 2, int(meta[META_NY]) - 2
-    i0, i1 = int(math.floor((w[HX] - out_x) / dx)), min(int(math.floor((w[HX] + out_x) / dx)), last_i)
-    j0, j1 = int(math.floor((w[HY] - out_y) / dy)), min(int(math.floor((w[HY] + out_y) / dy)), last_j)
-    reach_u = r + 0.5 * (dx * abs(w[EX]) + dy * abs(w[EY]))
-    reach_v = half * w[COS] + r * abs(w[AZ]) + 0.5 * (dx * abs(w[VX]) + dy * abs(w[VY]))
+    i0, i1 = min(int(math.floor((w[HX] - out_x) / dx)), last_i), min(int(math.floor((w[HX] + out_x) / dx)), last_i)
+    j0, j1 = min(int(math.floor((w[HY] - out_y) / dy)), last_j), min(int(math.floor((w[HY] + out_y) / dy)), last_j)
+    hair = HAIR * (dx + dy)
+    reach_u = r + 0.5 * (dx * abs(w[EX]) + dy * abs(w[EY])) + hair
+    reach_v = half * w[COS] + r * abs(w[AZ]) + 0.5 * (dx * abs(w[VX]) + dy * abs(w[VY])) + hair
     count = 0
     # the cell of the first guess comes first: what it yields bounds the others
     px, py, _ = tread_point(w, sine, cosine, s)
