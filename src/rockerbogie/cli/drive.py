@@ -9,6 +9,7 @@ import numpy as np
 from cyclopts import Parameter
 from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from ..compare import compare, settle_along
@@ -242,7 +243,7 @@ def _summary(run: xr.Dataset) -> dict[str, Any]:
 
 def _print_summary(rover: Rover, summary: dict[str, Any]) -> None:
     console = Console(highlight=False)
-    console.print(f"[bold]{summary['rover']}[/] on [bold]{summary['terrain']}[/]: {summary['path']}")
+    console.print(f"[bold]{escape(summary['rover'])}[/] on [bold]{escape(summary['terrain'])}[/]: {summary['path']}")
     settled = summary["status"].get(Status.CONVERGED.name, 0)
     others = [f"{count} {name}" for name, count in summary["status"].items() if name != Status.CONVERGED.name]
     console.print(

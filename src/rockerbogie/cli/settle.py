@@ -9,6 +9,8 @@ from cyclopts import Parameter
 from numpy.typing import NDArray
 from rich import box
 from rich.console import Console
+from rich.markup import escape
+from rich.markup import escape
 from rich.table import Table
 
 from ..errors import RockerbogieError, unknown_name
@@ -143,7 +145,8 @@ def _record(pose: Pose, status: Status) -> dict[str, Any]:
 def _print_table(pose: Pose, status: Status, found: bool) -> None:
     console = Console()
     console.print(
-        f"[bold]{pose.rover.name}[/] on [bold]{pose.terrain.name}[/]: {status.name}, {MEANING[status][0]}", highlight=False
+        f"[bold]{escape(pose.rover.name)}[/] on [bold]{escape(pose.terrain.name)}[/]: {status.name}, {MEANING[status][0]}",
+        highlight=False,
     )
     if not found:
         return
