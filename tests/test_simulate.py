@@ -121,10 +121,33 @@ def test_it_says_when_the_rover_tips() -> None:
     assert float(run["time"][-1]) < 30
 
 
+def test_commands_can_take_it_off_the_map() -> None:
+    """Open loop over the rim: it ends there, and says so."""
+    commands = xr.Dataset(
+        {"wheel_rate": (("time", "wheel"), np.full((2, 6), 3.0)), "steering": (("time", "wheel"), np.zeros((2, 6)))},
+        {"time": [0.0, 60.0]},
+    )
+    run = rb.simulate(rb.load_rover("rocky7"), FLAT, rb.Path.straight((5.5, 0), 0.0, 0.5), commands=commands)
+    assert run["status"][-1] == rb.Status.OFF_MAP
+    assert 6.0 < float(run["x"][-1]) < 7.0
+    assert float(run["time"][-1]) < 15
+    assert "speed" not in run.attrs
+
+
+def test_a_drive_shorter_than_its_interval() -> None:
+    run = rb.simulate(rb.load_rover("rocky7"), FLAT, rb.Path.straight((0, 0), 0.0, 0.001), 0.05)
+    assert run.sizes["time"] == 2
+
+
 def test_progress_is_told() -> None:
     heard: list[float] = []
     rb.simulate(rb.load_rover("rocky7"), FLAT, rb.Path.straight((0, 0), 0.0, 0.05), 0.05, progress=heard.append)
     assert heard == pytest.approx(np.arange(1, 11) / 10)
+
+
+def orders(values: np.ndarray, time: list[float], dim: str = "wheel") -> xr.Dataset:
+    """Commands, the same numbers for rates and steering."""
+    return xr.Dataset(dict.fromkeys(("wheel_rate", "steering"), (("time", dim), values)), {"time": time})
 
 
 @pytest.mark.parametrize(
@@ -132,17 +155,14 @@ def test_progress_is_told() -> None:
     [
         ({"speed": 0.0}, "speed is 0.0 m/s"),
         ({"interval": -1.0}, "interval is -1.0 s"),
+        ({"friction": -0.1}, "friction is -0.1"),
         ({"path": rb.Path.straight((0, 0), 0.0, 8.0)}, r"6\.\d\d m along the path, .* a wheel has no known ground"),
         ({"commands": xr.Dataset({"wheel_rate": (("time", "wheel"), np.zeros((2, 6)))})}, "commands hold no steering, time"),
-        (
-            {
-                "commands": xr.Dataset(
-                    {name: (("time", "wheel"), np.full((2, 6), np.nan)) for name in ("wheel_rate", "steering")},
-                    {"time": [0.0, 1.0]},
-                )
-            },
-            "finite wheel rates",
-        ),
+        ({"commands": orders(np.full((2, 6), np.nan), [0, 1])}, "six finite wheel rates"),
+        ({"commands": orders(np.zeros((2, 4)), [0, 1])}, r"shape \(2, 4\)"),
+        ({"commands": orders(np.zeros((2, 6)), [1, 1])}, "2 times; give two or more, each later"),
+        ({"commands": orders(np.zeros((2, 6)), [0, 1], "motor")}, "dims .*motor"),
+        ({"commands": orders(np.ones((2, 6)), [0, 1])}, "does not steer"),
     ],
 )
 def test_a_call_that_cannot_be_answered_says_why(change: dict[str, object], says: str) -> None:

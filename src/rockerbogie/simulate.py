@@ -105,6 +105,8 @@ def simulate(
         raise PathError(f"speed is {speed} m/s; give one above 0 (to go backwards, give a path that faces back)")
     if not (np.isfinite(interval) and interval > 0):
         raise RockerbogieError(f"interval is {interval} s; give one above 0")
+    if not (np.isfinite(friction) and friction >= 0):
+        raise RockerbogieError(f"friction is {friction}; give a coefficient of 0 or more")
     _check_ground(rover, terrain, path)
     if commands is None:
         driver, duration, stray = _follower(rover, terrain, path, speed), path.length / speed, 0.0
@@ -116,7 +118,7 @@ def simulate(
     rig.command(np.zeros(6), driver(0.0, rig)[1])
     rig.step(STAND)
     ticks = max(round(interval / CONTROL_PERIOD), 1)
-    count = int(duration / (ticks * CONTROL_PERIOD) + 1e-9)
+    count = max(int(duration / (ticks * CONTROL_PERIOD) + 1e-9), 1)
     records = [rig.record()]
     for k in range(1, count + 1):
         for _ in range(ticks):
@@ -129,12 +131,13 @@ def simulate(
             break
     attrs = {
         "terrain": terrain.name,
-        "path": path.description,
-        "speed": float(speed),
+        "path": path.description if commands is None else f"{duration:g} s of commands from the start of: {path.description}",
         "source": f"rockerbogie {__version__} simulate, MuJoCo {_mujoco_version()}",
         "rates": "measured in the simulation; contact_angle_rate by central differences",
         "friction": float(friction),
     }
+    if commands is None:
+        attrs["speed"] = float(speed)
     return _measured(rover, terrain, records, attrs)
 
 
@@ -149,7 +152,7 @@ def _start(rover: Rover, terrain: Terrain, path: Path) -> Pose:
     pose = settle(rover, terrain, at.x, at.y, at.yaw, steering=ackermann(rover, at.curvature, at.course - at.yaw))
     if not np.isfinite(pose.q).all():
         raise PathError(
-            f"the rover does not settle at the path's start ({at.x:g}, {at.y:g}) m, {Status(int(pose.status)).name}: "
+            f"the rover does not settle at the path's start ({at.x:.10g}, {at.y:.10g}) m, {Status(int(pose.status)).name}: "
             "start elsewhere"
         )
     return pose
@@ -166,8 +169,8 @@ def _check_ground(rover: Rover, terrain: Terrain, path: Path) -> None:
     if lost.any():
         k = int(np.argmax(lost))
         raise PathError(
-            f"{distance[k]:.2f} m along the path, at ({at.x[k]:g}, {at.y[k]:g}) m, a wheel has no known ground under it: "
-            f"keep within {tuple(float(f'{b:.6g}') for b in terrain.bounds)} (xmin, ymin, xmax, ymax) and off its holes"
+            f"{distance[k]:.2f} m along the path, at ({at.x[k]:.10g}, {at.y[k]:.10g}) m, a wheel has no known ground under it: "
+            f"keep within ({', '.join(f'{b:.10g}' for b in terrain.bounds)}) (xmin, ymin, xmax, ymax) and off its holes"
         )
 
 
@@ -223,11 +226,13 @@ def _player(rover: Rover, commands: xr.Dataset) -> tuple[Driver, float, float]:
     if missing:
         raise RockerbogieError(f"commands hold no {', '.join(sorted(missing))}; give wheel_rate and steering over (time, wheel)")
     time = commands["time"].to_numpy() - float(commands["time"][0])
+    if any(set(commands[name].dims) != {"time", "wheel"} for name in ("wheel_rate", "steering")):
+        raise RockerbogieError(f"commands have dims {tuple(commands.sizes)}; give wheel_rate and steering over (time, wheel)")
     rate, angle = (commands[name].transpose("time", "wheel").to_numpy() for name in ("wheel_rate", "steering"))
-    if rate.shape[1] != 6 or len(time) < 2 or not (np.isfinite(rate).all() and np.isfinite(angle).all()):
-        raise RockerbogieError(
-            f"commands have shape {rate.shape}; give two times or more, and six finite wheel rates and angles at each"
-        )
+    if rate.shape[1] != 6 or not (np.isfinite(rate).all() and np.isfinite(angle).all()):
+        raise RockerbogieError(f"commands have shape {rate.shape}; give six finite wheel rates and six finite angles a time")
+    if len(time) < 2 or not (np.diff(time) > 0).all():
+        raise RockerbogieError(f"commands hold {len(time)} times; give two or more, each later than the last, in seconds")
     check_steering(rover, angle)
 
     def play(now: float, rig: Rig) -> tuple[Array, Array]:
@@ -243,19 +248,14 @@ def _measured(rover: Rover, terrain: Terrain, records: list[Record], attrs: dict
     got = {name: np.array([getattr(record, name) for record in records]) for name in Record.__dataclass_fields__}
     time = got["time"] - got["time"][0]
     xyz, R = got["place"][:, :3], _rotation(got["place"][:, 3:])
-    roll, pitch, yaw = (
-        np.arctan2(R[:, 2, 1], R[:, 2, 2]),
-        -np.arcsin(np.clip(R[:, 2, 0], -1, 1)),
-        np.unwrap(np.arctan2(R[:, 1, 0], R[:, 0, 0])),
-    )
+    roll, pitch = np.arctan2(R[:, 2, 1], R[:, 2, 2]), -np.arcsin(np.clip(R[:, 2, 0], -1, 1))
+    yaw = np.unwrap(np.arctan2(R[:, 1, 0], R[:, 0, 0]))
     q = np.stack([xyz[:, 2], roll, pitch, got["hinge"][:, 0], *got["hinge"][:, 2:].T], axis=-1)
     pose = Pose(rover, terrain, xyz[:, 0], xyz[:, 1], yaw, got["steering"], q, np.zeros(len(time), dtype=np.uint8))
     axle = pose.T_world_body[:, None] @ wheel_frames(rover, pose.rocker, pose.bogie, pose.steering)
-    spoke = np.einsum(
-        "nwji,nwj->nwi", axle[..., :3, :3], got["contact_point"] - axle[..., :3, 3]
-    )  # hub to contact, in the axle's frame
-    angle = np.arctan2(-spoke[..., 0], -spoke[..., 2])
-    status = _status(pose, got["contact_force"], got["body_force"], R[:, 2, 2])
+    spoke = got["contact_point"] - axle[..., :3, 3]
+    angle = np.arctan2(-(spoke * axle[..., :3, 0]).sum(axis=-1), -(spoke * axle[..., :3, 2]).sum(axis=-1))
+    status = _status(pose, axle[..., :3, 3], got["contact_force"], got["body_force"], R[:, 2, 2])
     values = {name: getattr(pose, name) for name in VARIABLES}
     values |= {"contact_angle": angle, "contact_point": got["contact_point"], "status": status}
     linear, w = got["velocity"][:, :3], got["velocity"][:, 3:]
@@ -295,7 +295,7 @@ def _slip(rover: Rover, axle: Array, got: dict[str, Array]) -> dict[str, Array]:
     return {name: np.where(in_air, np.nan, values) for name, values in slip.items()}
 
 
-def _status(pose: Pose, wheel_force: Array, body_force: Array, upright: Array) -> NDArray[np.uint8]:
+def _status(pose: Pose, hubs: Array, wheel_force: Array, body_force: Array, upright: Array) -> NDArray[np.uint8]:
     """What can be seen of a moving rover: graver things last, so that they stand."""
     status = np.full(len(upright), Status.CONVERGED, dtype=np.uint8)
     limits = ((pose.rocker[:, None], pose.rover.rocker_limits), (pose.bogie, pose.rover.bogie_limits))
@@ -304,6 +304,8 @@ def _status(pose: Pose, wheel_force: Array, body_force: Array, upright: Array) -
     status[((wheel_force <= 0) & (pose.gap > LIFTED_GAP)).any(axis=-1)] = Status.WHEEL_LIFTED
     status[body_force > 0] = Status.BELLY_CONTACT
     status[np.isnan(pose.gap).any(axis=-1)] = Status.NO_DATA
+    low, high = np.reshape(pose.terrain.bounds, (2, 2))
+    status[((hubs[..., :2] < low) | (hubs[..., :2] > high)).any(axis=(1, 2))] = Status.OFF_MAP
     status[upright <= 0] = Status.TIPPED
     return status
 
