@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from rich import box
 from rich.console import Console
 from rich.markup import escape
-from rich.markup import escape
 from rich.table import Table
 
 from ..errors import RockerbogieError, unknown_name
