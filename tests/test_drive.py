@@ -274,6 +274,7 @@ def test_csv_holds_every_number_under_a_stable_name(tmp_path: Path) -> None:
         "rocker_rate [rad/s]", "bogie_rate_left [rad/s]", "bogie_rate_right [rad/s]",
         *(f"contact_angle_rate_{w} [rad/s]" for w in by_wheel),
         *(f"wheel_rate_{w} [rad/s]" for w in by_wheel),
+        *(f"side_slip_{w} [m/s]" for w in by_wheel),
     ]  # fmt: skip
     table = np.genfromtxt(file, delimiter=",", skip_header=1)
     assert table.shape == (run.sizes["time"], len(header))

@@ -129,3 +129,23 @@ def test_command_line(tmp_path, capsys):
     ):
         assert main(["odometry", *wrong]) == 2
         assert words in capsys.readouterr().err
+
+
+def test_open_loop_commands_report_slip_beside_the_prediction():
+    """A rover whose rear wheels alone steer: six wheels cannot agree upon an arc, and the Jacobians say by how much."""
+    rover, ground = paper_rover(), rb.surfaces.plane(size=6.0)
+    path = rb.Path.arc((-0.6, 0.0), 0.0, 1.5, 0.6)
+    run = rb.drive(rover, ground, path, 0.05)
+    played = rb.simulate(rover, ground, path, 0.05, commands=run).isel(time=slice(20, None))
+    assert_close(played["wheel_rate_command"][0], run["wheel_rate"][50], 0.05, "rad/s", "the run's own commands are played")
+    measured, expected = (played[name].mean("time").values for name in ("side_slip", "side_slip_predicted"))
+    fixed = ~rover.steers
+    assert_close(measured[fixed], expected[fixed], 3e-3, "m/s", "of 50: Coulomb friction shares slip out a little otherwise")
+    assert (np.sign(measured[fixed]) == np.sign(expected[fixed])).all()
+
+
+def test_drive_writes_an_mcap(tmp_path):
+    pytest.importorskip("rosbags", reason="the ros extra is not installed")
+    assert main(["drive", "--terrain", "surface:plane", "--path", "-1,0 1,0", "-o", str(tmp_path), "--mcap"]) == 0
+    log = rb.read_log(tmp_path / "run.mcap", paper_rover())
+    assert log.sizes["time"] == 201

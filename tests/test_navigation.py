@@ -57,6 +57,7 @@ def test_commands_and_back_without_slip_over_ground_uniform_across():
     commands = rb.wheel_commands(rover, pose, twist)
     run = rb.drive(rover, rb.surfaces.sine(0.1, 2.0), rb.Path.straight((-3, 0.3), 0.0, 6.0), 0.02, step=6.0 / 399)
     assert_close(commands.wheel_rates, run["wheel_rate"], 1e-6, "rad/s", "a drive's rates are the commands along it")
+    assert_close(run["side_slip"], 0.0, 1e-12, "m/s", "and so is its slip")
     size = np.linalg.norm(twist, axis=1).mean()
     assert_close(commands.side_slip, 0.0, 1e-12, "m/s", "straight ahead on ground uniform across, no wheel need slide")
     for sensors in ({}, {"rocker_rate": joints[:, 0], "bogie_rates": joints[:, 1:]}):

@@ -46,7 +46,10 @@ RUN_VARIABLES = (
         for name, (dims, units, text) in VARIABLES.items()
         if name in RATED
     }
-    | {"wheel_rate": (("wheel",), "rad/s", "turning rate of the wheel against its link, forward positive")}
+    | {
+        "wheel_rate": (("wheel",), "rad/s", "turning rate of the wheel against its link, forward positive"),
+        "side_slip": (("wheel",), "m/s", "slip of the tread across the wheel's way, to its left"),
+    }
 )
 
 

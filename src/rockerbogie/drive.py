@@ -136,11 +136,14 @@ def drive_rates(pose: Pose, at: PathSample, speed: float) -> dict[str, Array]:
     found[np.flatnonzero(known)[sound]] = np.linalg.solve(A[sound], b[sound])[..., 0]
     rates = np.empty((n, 9))
     rates[:, [0, 1, 5]], rates[:, solve_for] = given, found
-    rolled = np.einsum("nij,nj->ni", by_rate[:, :, 0], rates)  # m/s of each wheel's contact along its way
+    rolled, slid = (
+        np.einsum("nij,nj->ni", by_rate[:, :, row], rates) for row in (0, 1)
+    )  # m/s along each wheel's way, and across
     names = ("x", "y", "z", "roll", "pitch", "yaw", "rocker")
     return {f"{name}_rate": rates[:, k] for k, name in enumerate(names)} | {
         "bogie_rate": rates[:, 7:],
         "wheel_rate": rolled / pose.rover.wheel_radius,
+        "side_slip": slid,
     }
 
 

@@ -16,7 +16,9 @@ from .dataset import VARIABLES, run_dataset
 from .drive import ackermann, drive, summary
 from .errors import PathError, RockerbogieError
 from .frames import check_steering, wheel_frames
+from .jacobian import SimpleStance
 from .mjcf import Region, build_spec
+from .navigation import body_twist
 from .path import Path
 from .pose import Pose
 from .rigid_body import Record, Rig
@@ -138,13 +140,29 @@ def simulate(
     }
     if commands is None:
         attrs["speed"] = float(speed)
-    return _measured(rover, terrain, records, attrs)
+    run = _measured(rover, terrain, records, attrs)
+    return run if commands is None else run.assign(_predicted(rover, run))
 
 
 def _mujoco_version() -> str:
     import mujoco
 
     return str(mujoco.__version__)
+
+
+def _predicted(rover: Rover, run: xr.Dataset) -> dict[str, tuple[tuple[str, ...], Array, dict[str, str]]]:
+    """The slip that the Jacobians expect of the commands where the rover stands: what six wheels cannot agree upon."""
+    pose = SimpleStance(*(run[name].to_numpy() for name in ("rocker", "bogie", "contact_angle", "steering")))
+    slip = body_twist(rover, pose, wheel_rates=run["wheel_rate_command"]).residual
+    names = {"roll_slip": "along", "side_slip": "across"}
+    return {
+        f"{name}_predicted": (
+            ("time", "wheel"),
+            slip[..., k],
+            {"units": "m/s", "long_name": f"slip {way} to expect of the commands"},
+        )
+        for k, (name, way) in enumerate(names.items())
+    }
 
 
 def _start(rover: Rover, terrain: Terrain, path: Path) -> Pose:

@@ -52,6 +52,7 @@ def drive(
     step: float = 0.01,
     linear: Linear = None,
     output: Folder = None,
+    mcap: Annotated[bool, Parameter(name="--mcap", negative="")] = False,
     json: Json = False,
 ) -> None:
     """Drive a rover along a path, and show what it goes through.
@@ -77,6 +78,8 @@ def drive(
         Bilinear ground between the nodes, or a smooth cubic surface. Default: cubic for files.
     output
         Folder for pictures and data.
+    mcap
+        Write run.mcap too, into the folder of -o: ROS 2 messages for Foxglove and `ros2 bag`. Needs the ros extra.
     json
         Print the summary as JSON (SI units, radians) in place of the table.
     """
@@ -88,6 +91,8 @@ def drive(
         run = _on_the_map(drive_rover(machine, ground, way, speed, step=step), ground)
         bar.update(task, description="drawing")
         files = _write_run(machine, ground, run, output, "run")
+        if mcap:
+            files.append(_write_mcap(machine, run, output))
     summary = _summary(run)
     if json:
         print_json(summary | {"files": files})
@@ -208,6 +213,15 @@ def _write_run(rover: Rover, terrain: Terrain, run: xr.Dataset, output: FilePath
     where = f"{rover.name} on {terrain.name}: steepest, {float(worst['distance']):.4g} m along its path"
     pose_figure(rover, terrain, worst, where).savefig(folder / "worst.png")
     return [folder / file for file in (f"{name}.nc", f"{name}.csv", "map.png", "profile.png", "worst.png")]
+
+
+def _write_mcap(rover: Rover, run: xr.Dataset, output: FilePath | None) -> FilePath:
+    from ..rosbag import write_mcap
+
+    if output is None:
+        raise RockerbogieError("--mcap writes run.mcap into a folder: give one with -o")
+    write_mcap(run, rover, output / "run.mcap")
+    return output / "run.mcap"
 
 
 def _summary(run: xr.Dataset) -> dict[str, Any]:
