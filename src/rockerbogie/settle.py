@@ -71,7 +71,7 @@ def settle(
     q = np.empty((n, 6))
     status = np.empty(n, dtype=np.uint8)
     report = np.empty((n, equilibrium.R_SIZE)) if mode == "equilibrium" else None
-    one_steering = all(step == 0 for step in turn.strides[:-1])
+    one_steering = n > 0 and all(step == 0 for step in turn.strides[:-1])
     turns = turn[(0,) * (turn.ndim - 1)].reshape(1, 6) if one_steering else turn.reshape(-1, 6)
     for start in range(0, n, CHUNK):
         part = slice(start, min(start + CHUNK, n))

@@ -147,7 +147,10 @@ def start_pose(ground: Ground, rover: Array, x: float, y: float, attempt: int, q
     grid, _, meta = ground
     for i in range(6):
         touch[i, GAP], touch[i, SIN], touch[i, COSINE], touch[i, PLACE] = 0.0, 0.0, 1.0, 0.0
-    q[Z] = surface(grid, meta, x, y)[0] + rover[P_RADIUS] - rover[P_HUB + 2] - rover[P_PIVOT + 2]
+    height = surface(grid, meta, x, y)[0]
+    if math.isnan(height):
+        height = 0.0  # a hole under the body alone is no matter: begin at the map's middling height
+    q[Z] = height + rover[P_RADIUS] - rover[P_HUB + 2] - rover[P_PIVOT + 2]
     spread = 0.2 + 0.2 * (attempt % 3)
     share = 1.0
     for k in range(1, 6):
