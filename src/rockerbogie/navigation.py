@@ -129,7 +129,7 @@ def _direct(value: Array, columns: list[int], sigma: ArrayLike) -> tuple[Array, 
 
 def _leaning(pose: Stance, rates: Array, sigma: ArrayLike) -> tuple[Array, Array]:
     """Whitened equations of the rates of roll and pitch, which eq. 10 makes of the angular velocity."""
-    if not (hasattr(pose, "roll") and hasattr(pose, "pitch")):
+    if not (hasattr(pose, "roll") and hasattr(pose, "pitch")) or callable(pose.roll):  # a Dataset's roll is its method
         raise RockerbogieError("inclinometer_rates need to know how the body leans: give a pose that has roll and pitch")
     roll, pitch = np.asarray(pose.roll, dtype=float), np.asarray(pose.pitch, dtype=float)
     row = np.zeros((*np.broadcast_shapes(roll.shape, pitch.shape), 2, UNKNOWNS + 1))

@@ -64,9 +64,11 @@ def odometry(
     Args:
         log: over `time` (s), as from `drive`, `simulate` or `read_log`: `wheel_angle` or `wheel_rate` (time, wheel), and
             what there is of `steering` (time, wheel), `rocker` (time), `bogie` (time, side), `roll`, `pitch`, `yaw`
-            (time), `gyro` (time, axis; body frame, rad/s). Positions in it are not read.
-        terrain: the ground, where there is a map: contacts, height and (if not in the log) roll and pitch are then those
-            of the rover settled where it is thought to be. Without one, contact angles are found from the joints' rates.
+            (time), `gyro` (time, axis; body frame, rad/s). `yaw` counts beside roll and pitch only; a `gyro` where one of
+            the three is missing. Positions are not read.
+        terrain: the ground, where there is a map: height, how the body rises and (if not in the log) roll and pitch are
+            then those of the rover settled along its track. Without one it rises along the plane of its wheels, on the
+            whole. Contact angles follow from that and from the joints' rates.
         start: x, y, z of the body's reference point at first, m; with a map, z is the map's, and nan off it.
         soil: the slip to expect of a slope; needs roll and pitch in the log.
 
