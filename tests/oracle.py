@@ -11,11 +11,12 @@ the answer is bracketed, best - tolerance ≤ gap ≤ best, however many places 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import factorial
+from math import comb, factorial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import RectBivariateSpline
+from scipy.ndimage import maximum_filter
 from scipy.spatial.transform import Rotation
 
 from rockerbogie import Rover, Terrain
@@ -30,6 +31,7 @@ class Ground:
 
     patch: Array  # (rows - 1, cols - 1, order, order)
     bend: Array  # (rows - 1, cols - 1, 3) bounds of |z_xx|, |z_xy|, |z_yy| over the cell
+    top: Array  # (rows - 1, cols - 1) and of z, from above
     spacing: tuple[float, float]
     origin: tuple[float, float]
 
@@ -44,7 +46,7 @@ class Ground:
             rise, climb, twist = (b - a) / dx, (c - a) / dy, (a - b - c + d) / (dx * dy)
             patch = np.stack([np.stack([a, rise], -1), np.stack([climb, twist], -1)], -2)
             bend = np.stack([0 * twist, abs(twist), 0 * twist], -1)
-            return cls(patch, bend, terrain.spacing, terrain.origin)
+            return cls(patch, bend, np.max([a, b, c, d], axis=0), terrain.spacing, terrain.origin)
         x, y = dx * np.arange(cols), dy * np.arange(rows)
         spline = RectBivariateSpline(y, x, z, s=0)
         at_node = np.zeros((rows, cols, 4, 4))
@@ -55,7 +57,7 @@ class Ground:
         at_node[:-1, :, 3, :] = np.diff(at_node[..., 2, :], axis=0) / dy
         over = np.array([factorial(k) for k in range(4)])
         patch = at_node[:-1, :-1] / np.outer(over, over)
-        return cls(patch, _bend(patch, dx, dy), terrain.spacing, terrain.origin)
+        return cls(patch, *_bounds(patch, dx, dy), terrain.spacing, terrain.origin)
 
     def cells(self, x: Array, y: Array) -> Cell:
         """Row and column of the cell of each point; beyond the map's rim, the rim's."""
@@ -88,25 +90,21 @@ class Ground:
         return self.patch_at(*self.cells(*flat), *flat)[0].reshape(px.shape)
 
 
-def _bend(patch: Array, dx: float, dy: float) -> Array:
-    """Bounds of the second derivatives over each cell: a polynomial lies within its Bernstein coefficients."""
+def _bounds(patch: Array, dx: float, dy: float) -> tuple[Array, Array]:
+    """Bounds of the second derivatives and of the height over each cell: a polynomial lies within its Bernstein coefficients."""
     unit = patch * np.outer(dy ** np.arange(4), dx ** np.arange(4))
-    to_bernstein = np.array(
-        [[factorial(i) / factorial(i - k) * factorial(3 - k) / 6 if k <= i else 0 for k in range(4)] for i in range(4)]
-    )
+    to_bernstein = np.array([[comb(i, k) / comb(3, k) for k in range(4)] for i in range(4)])
     b = np.einsum("ik,...kl,jl->...ij", to_bernstein, unit, to_bernstein)
 
     def greatest(c: Array) -> Array:
         return np.asarray(abs(c).max(axis=(-2, -1)))
 
-    return np.stack(
-        [
-            greatest(6 * np.diff(b, 2, axis=-1)) / dx**2,
-            greatest(9 * np.diff(np.diff(b, axis=-1), axis=-2)) / (dx * dy),
-            greatest(6 * np.diff(b, 2, axis=-2)) / dy**2,
-        ],
-        -1,
-    )
+    bend = [
+        greatest(6 * np.diff(b, 2, axis=-1)) / dx**2,
+        greatest(9 * np.diff(np.diff(b, axis=-1), axis=-2)) / (dx * dy),
+        greatest(6 * np.diff(b, 2, axis=-2)) / dy**2,
+    ]
+    return np.stack(bend, -1), b.max(axis=(-2, -1))
 
 
 @dataclass
@@ -199,18 +197,42 @@ def least_gap(ground: Ground, wheels: Wheels, tolerance: float = 1e-10) -> Least
     return best
 
 
+WINDOW = 5  # cells either way that a first, coarse box may reach over
+
+
 def _boxes(ground: Ground, wheels: Wheels) -> tuple[NDArray[np.int64], Array, Array, Array, Array]:
-    """Boxes (wheel, φ, s, half sizes) that cover every tread, none reaching over more than one cell's size in x or y."""
+    """Boxes (wheel, φ, s, half sizes) that cover every tread but where it clears all ground round about, each reaching
+    over no more than one cell's size in x or y."""
     cell = min(ground.spacing)
+    roof = maximum_filter(ground.top, 2 * WINDOW + 1)
     out = []
-    for i, (r, half) in enumerate(zip(wheels.radius, wheels.half, strict=True)):
-        n_phi = max(12, int(np.ceil(4 * np.pi * r / cell)))
-        n_s = max(1, int(np.ceil(4 * half / cell)))
-        phi = np.pi * ((2 * np.arange(n_phi) + 1) / n_phi - 1)
-        s = half * ((2 * np.arange(n_s) + 1) / n_s - 1)
-        p, q = (a.ravel() for a in np.meshgrid(phi, s, indexing="ij"))
-        out.append((np.full(p.size, i), p, q, np.full(p.size, np.pi / n_phi), np.full(p.size, half / n_s)))
+    for r, half in np.unique(np.stack([wheels.radius, wheels.half], -1), axis=0):
+        fine_phi, fine_s = max(12, int(np.ceil(4.5 * np.pi * r / cell))), max(1, int(np.ceil(4.5 * half / cell)))
+        n_phi, n_s = max(12, -(-fine_phi // 8)), -(-fine_s // 8)
+        here = np.flatnonzero((wheels.radius == r) & (wheels.half == half))
+        phi, s = _grid(np.array([0.0]), np.array([0.0]), np.pi, half, n_phi, n_s)
+        k, phi, s = np.repeat(here, phi.size), np.tile(phi, here.size), np.tile(s, here.size)
+        w = wheels.take(k)
+        p, along = w.tread(phi, s)
+        drop = abs(along[:, 2]) * np.pi / n_phi + abs(w.Y[:, 2]) * half / n_s + 0.5 * r * (np.pi / n_phi) ** 2
+        over = p[:, 2] - ground.height(p[:, 0], p[:, 1])
+        best = np.full(len(wheels.radius), np.inf)
+        np.minimum.at(best, k, over)
+        near = p[:, 2] - drop - roof[ground.cells(p[:, 0], p[:, 1])] < best[k]
+        k, phi, s = k[near], phi[near], s[near]
+        m_phi, m_s = -(-fine_phi // n_phi), -(-fine_s // n_s)
+        phi, s = _grid(phi, s, np.pi / n_phi, half / n_s, m_phi, m_s)
+        k = np.repeat(k, m_phi * m_s)
+        out.append((k, phi, s, np.full(k.size, np.pi / n_phi / m_phi), np.full(k.size, half / n_s / m_s)))
     return tuple(np.concatenate(a) for a in zip(*out, strict=True))  # type: ignore[return-value]
+
+
+def _grid(phi: Array, s: Array, dphi: float, ds: float, n_phi: int, n_s: int) -> tuple[Array, Array]:
+    """The middles of n_phi by n_s boxes in each box of half sizes dphi, ds about (φ, s), flat."""
+    p = dphi * ((2 * np.arange(n_phi) + 1) / n_phi - 1)
+    q = ds * ((2 * np.arange(n_s) + 1) / n_s - 1)
+    p, q = (a.ravel() for a in np.meshgrid(p, q, indexing="ij"))
+    return np.add.outer(phi, p).ravel(), np.add.outer(s, q).ravel()
 
 
 def _look(ground: Ground, w: Wheels, phi: Array, s: Array, dphi: Array, ds: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
@@ -284,3 +306,33 @@ def _over_ridge(a: Over, b: Over, dphi: Array, ds: Array) -> Array:
         mean = Over(*((1 - t) * getattr(a, name) + t * getattr(b, name) for name in ("f", "by_phi", "by_s", "rest", "hx", "hy")))
         best = np.maximum(best, mean.low(dphi, ds))
     return best
+
+
+def settle(
+    rover: Rover, ground: Ground, x: Array, y: Array, yaw: Array, steering: Array | None = None, tolerance: float = 1e-12
+) -> Array:
+    """Poses q (n, 6) whose six gaps are nought within `tolerance`: Newton from a level start, nan where it does not arrive.
+
+    The slopes are differences of the heights of the nearest points; what is found depends on the gaps alone.
+    """
+    n, step = len(x), 1e-6
+    q = np.zeros((n, 6))
+    q[:, 0] = ground.height(x, y) - (rover.hubs[:, 2] - rover.wheel_radius).min()
+
+    def wheels(at: Array) -> Wheels:
+        return stand(rover, x, y, yaw, at, steering)
+
+    for _ in range(30):
+        least = least_gap(ground, wheels(q), tolerance / 10)
+        gap = least.gap.reshape(n, 6)
+        if abs(gap).max() < tolerance:
+            break
+        slope = np.empty((n, 6, 6))
+        for k, unknown in enumerate(step * np.eye(6)):
+            up, down = (wheels(q + sign * unknown).tread(least.phi, least.s)[0] for sign in (1, -1))
+            over = [p[:, 2] - ground.height(p[:, 0], p[:, 1]) for p in (up, down)]
+            slope[:, :, k] = (over[0] - over[1]).reshape(n, 6) / (2 * step)
+        move = np.linalg.solve(slope, -gap[..., None])[..., 0]
+        q += move / np.maximum(1.0, abs(move[:, 1:]).max(axis=1, keepdims=True) / 0.3)
+    q[abs(gap).max(axis=1) >= tolerance] = np.nan
+    return q
