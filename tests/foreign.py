@@ -308,7 +308,35 @@ def drawn_in_cad(rover: rb.Rover) -> str:
     return robot.text()
 
 
+def legs_bolted_on(rover: rb.Rover) -> str:
+    """As a student's CAD rover is: rockers bolted to the body by joints laid on their sides, with an axis of no length;
+    a fixed motor before each wheel, wheels about x, a leg without mass, and no sizes."""
+    robot = Robot("bolted_rover")
+    half = np.pi / 2
+    robot.root("base_link", mass=0.49, shapes=MESH)
+    for s, side in enumerate(SIDES):
+        leg, sub = f"{side}_leg", f"{side}_sub_leg"
+        robot.joint(f"{leg}_joint", "fixed", "base_link", leg, rover.rocker_pivot[s], np.zeros(3), rpy=(half, 0, 0),
+                    mass=0.04 * (1 - s), shapes=MESH)  # fmt: skip
+        robot.joint(f"{sub}_joint", "revolute", leg, sub, rover.bogie_pivot[s], -LEFT, limit=stop(rover.bogie_limits), mass=0.02)
+        for i in (s, 2 + s, 4 + s):
+            motor = f"motor_{i}"
+            inboard = rover.hubs[i] - (0.2 - 0.4 * s) * rover.wheel_radius[i] * LEFT
+            robot.joint(
+                f"{motor}_joint", "fixed", leg if i < 2 else sub, motor, inboard, rpy=(half, half - np.pi * s, 0), mass=0.01
+            )
+            robot.joint(f"wheel_{i}_joint", "continuous", motor, f"wheel_{i}", rover.hubs[i], LEFT * (1 - 2 * s), mass=0.03)
+    return robot.text()
+
+
 STYLES: dict[str, Callable[[rb.Rover], str]] = {
     style.__name__: style
-    for style in (rockers_fixed, rockers_in_two_arms, upside_down_and_weightless, bars_closed_elsewhere, drawn_in_cad)
+    for style in (
+        rockers_fixed,
+        rockers_in_two_arms,
+        upside_down_and_weightless,
+        bars_closed_elsewhere,
+        drawn_in_cad,
+        legs_bolted_on,
+    )
 }

@@ -98,8 +98,11 @@ def test_bars_closed_elsewhere() -> None:
 
 def test_drawn_in_cad() -> None:
     truth = rb.load_rover("rocky7")
-    with pytest.raises(rb.RoverError, match=r"no size in the file .* give wheel_radius="):
-        take(foreign.drawn_in_cad(truth))
+    bare = take(foreign.drawn_in_cad(truth))
+    assert said(bare.guessed, "0.12 of its wheelbase", "meshes are not read", "give wheel_radius=")
+    assert_close(bare.rover.wheel_radius, 0.12 * truth.wheelbase, 1e-9, "m", "nothing in the file says more")
+    assert_geometry(bare.rover, truth, 1e-9, but=("wheel_radius", "wheel_width"))
+    assert_sits_level(bare.rover, 1e-6)
     got = take(foreign.drawn_in_cad(truth), wheel_radius=0.065, wheel_width=0.08)
     assert_geometry(got.rover, truth, 1e-9)
     assert_close(got.rover.rocker_limits, (-0.1, 0.0), 1e-12, "rad", "left -1 to 0, right -0.1 to 0.1: what both allow")
@@ -109,6 +112,19 @@ def test_drawn_in_cad() -> None:
     turned = take(foreign.drawn_in_cad(truth), wheel_radius=0.065, forward="-y")
     assert_close(
         turned.rover.hubs[0], truth.hubs[1] * (-1, -1, 1), 1e-9, "m", "turned round, the right front wheel is the left rear one"
+    )
+    assert_sits_level(got.rover, 1e-6)
+
+
+def test_legs_bolted_on() -> None:
+    """The rockers' joints are fixed and say nothing of an axis, whichever way their frames lie."""
+    truth = rb.load_rover("rocky7")
+    got = take(foreign.legs_bolted_on(truth))
+    assert_geometry(got.rover, truth, 1e-9, but=("wheel_radius", "wheel_width", "steering_offset"))
+    assert not got.rover.steers.any()
+    assert said(got.guessed, "taken as turning at joints 'left_leg_joint' and 'right_leg_joint'")
+    assert_close(
+        [link.mass for link in got.rover.rockers], (0.05, 0.01), 1e-12, "kg", "with the motor bolted on; one leg weighs none"
     )
     assert_sits_level(got.rover, 1e-6)
 
@@ -341,8 +357,20 @@ def test_four_wheels_are_not_a_rocker_bogie() -> None:
     robot.root("base", mass=10.0)
     for k, (x, y) in enumerate(((0.3, 0.2), (0.3, -0.2), (-0.3, 0.2), (-0.3, -0.2))):
         robot.joint(f"w{k}", "continuous", "base", f"wheel{k}", np.array([x, y, 0.0]), foreign.LEFT, mass=1.0)
-    with pytest.raises(rb.RoverError, match="at most 4 of its outermost hinges lie parallel; a rover has six wheels"):
+    with pytest.raises(
+        rb.RoverError, match="at most 4 of its outermost hinges lie parallel.*, and a rocker-bogie rover has six wheels$"
+    ):
         take(robot.text())
+
+
+def test_wheels_that_stand_across() -> None:
+    """Six wheels of which two stand across at rest: the sentence says where to look."""
+    text = foreign.bars_closed_elsewhere(rb.load_rover("sawppy"))
+    for name in ("drive_4", "drive_5"):
+        head, tail = text.split(f'<joint name="{name}_joint"')
+        text = head + f'<joint name="{name}_joint"' + tail.replace('<axis xyz="0 1 0"/>', '<axis xyz="1 0 0"/>', 1)
+    with pytest.raises(rb.RoverError, match="at most 4 .* must some be steered straight ahead first"):
+        take(text)
 
 
 def test_three_bogies_are_not_a_rocker_bogie() -> None:

@@ -45,6 +45,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of our output has left: nothing more to say to it, nor as Python ends
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except SystemExit as end:  # rich's answer to the same, where it was printing
+        if not isinstance(end.__context__, BrokenPipeError):
+            raise
+        return 0
     return code
 
 

@@ -19,6 +19,9 @@ from .tree import DISC, Shape, Tree
 
 Array = NDArray[np.float64]
 
+#: Wheel radius over wheelbase where a file says neither: the presets' lie between 0.111 and 0.136.
+RADIUS_SHARE = 0.12
+
 
 @dataclass(frozen=True)
 class Import:
@@ -117,7 +120,7 @@ class _Reader:
             if given is None:
                 raise RoverError(
                     f"{self.what}: its rockers are one piece with the body and no joint marks where they turn: "
-                    "give rocker_pivot=(x, y, z) of the left one"
+                    "give rocker_pivot=(x, y, z) of the left one (--set linkage.rocker_pivot_m=[x,y,z])"
                 )
             self.roles.mended.append("the rockers are one piece with the body: cut loose at the pivot given")
             return np.zeros((2, 3))  # overruled
@@ -162,15 +165,14 @@ class _Reader:
             radius[radius == 0], width[width == 0] = radius[known].mean(), width[known].mean()
             self.roles.guessed.append(f"wheels {', '.join(missing)} have no size; taken as the mean of the others")
         elif "wheel_radius" not in overrule:
-            height = float(np.median(hubs[:, 2]))
-            if height <= 0 or np.ptp(hubs[:, 2]) > 0.4 * height or 2 * height > np.ptp(hubs[:, 0]):
-                raise RoverError(
-                    f"{self.what}: its wheels have no size in the file (meshes are not read): "
-                    "give wheel_radius= and wheel_width= in metres"
-                )
-            radius[:] = height
+            height, length = float(np.median(hubs[:, 2])), float(np.ptp(hubs[:, 0]))
+            if height > 0 and np.ptp(hubs[:, 2]) <= 0.4 * height and 2 * height <= length:
+                radius[:], why = height, "the hubs' height over the file's origin"
+            else:
+                radius[:], why = RADIUS_SHARE * length, f"{RADIUS_SHARE:g} of its wheelbase, the rule of thumb"
             self.roles.guessed.append(
-                f"wheel_radius {height:.6g} m: the hubs' height over the file's origin, as the wheels have no size"
+                f"wheel_radius {radius[0]:.6g} m: {why}; the wheels have no size in the file (meshes are not read): "
+                "give wheel_radius= in metres"
             )
         if len(missing) == 6 and "wheel_width" not in overrule:
             self.roles.guessed.append("wheel_width 0 (thin discs), as the wheels have no size")

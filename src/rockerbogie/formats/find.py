@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations, permutations
 
 import numpy as np
@@ -121,7 +121,11 @@ class _Search:
         ranked = sorted(clusters.values(), key=len, reverse=True)
         if not ranked or len(ranked[0]) < 6:
             most = len(ranked[0]) if ranked else 0
-            raise RoverError(f"{self.what}: at most {most} of its outermost hinges lie parallel; a rover has six wheels")
+            astray = "; must some be steered straight ahead first?" if len(leaves) >= 6 else ""
+            raise RoverError(
+                f"{self.what}: at most {most} of its outermost hinges lie parallel, as the axles of wheels do, "
+                f"and a rocker-bogie rover has six wheels{astray}"
+            )
         complaint = ""
         for cluster in ranked:
             if len(cluster) < 6:
@@ -136,6 +140,7 @@ class _Search:
         lateral = _mean_direction([h.axis for h in cluster])
         if (snapped := _snap(lateral)) is not None:
             lateral = snapped
+        self._lay_freed(lateral)
         span = max(float(np.linalg.norm(a.point - b.point)) for a, b in combinations(cluster, 2))
         if span < 1e-9:
             raise RoverError(f"{self.what}: all its wheels are in one place")
@@ -178,6 +183,12 @@ class _Search:
             )
         kind, _, b1, b2, w1, w2 = min(choices, key=lambda c: c[:2])
         return self._roles(kind, [b1, b2], [w1, w2], by_arm, arms, lateral, forward, up)
+
+    def _lay_freed(self, lateral: Array) -> None:
+        """Fixed joints taken as hinges turn about the rover's left, unless they are given an axis that all but lies so."""
+        for group, hinge in self.inbound.items():
+            if hinge.joint.kind == "fixed" and abs(hinge.axis @ lateral) <= PARALLEL:
+                self.inbound[group] = replace(hinge, axis=lateral)
 
     def _arm(self, wheel: Hinge, cluster: list[Hinge], lateral: Array) -> tuple[str, Hinge | None]:
         """The rigid group that carries the wheel, past its steering knuckle if it has one; and the steering hinge."""
