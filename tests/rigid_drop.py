@@ -102,17 +102,25 @@ class DropTower:
         yaw: float,
         steering: Sequence[float] | None = None,
         *,
+        start: Sequence[float] | None = None,
         tolerance: float = 1e-6,
         most_steps: int = 3000,
     ) -> Rest:
-        """Let down at (x, y, yaw) until no joint's mean moves by `tolerance` (rad, m) from one block of steps to the next."""
+        """Let down at (x, y, yaw) until no joint's mean moves by `tolerance` (rad, m) from one block of steps to the next.
+
+        From level, clear of the ground; or from `start` (z, roll, pitch, rocker, bogies), to see whether it holds there.
+        """
         model, data = self.model, self.data
         self._steer(steering)
         model.body_pos[self._base] = x, y, 0.0
         model.body_quat[self._base] = np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)
         mujoco.mj_resetData(model, data)
         mujoco.mj_kinematics(model, data)
-        data.qpos[self._joint[0]] = self._clear_height()
+        if start is None:
+            data.qpos[self._joint[0]] = self._clear_height()
+        else:
+            z, roll, pitch, rocker, left, right = start
+            data.qpos[self._joint] = z, pitch, roll, rocker, float(self.rover.right_rocker(rocker)), left, right
         mean, residual, steps = np.full(model.nq + 7, np.inf), np.inf, 0
         while residual > tolerance and steps < most_steps:
             total = np.zeros_like(mean)

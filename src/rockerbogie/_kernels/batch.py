@@ -17,6 +17,7 @@ from .underside import NEAR_ROOM, NEAR_SIZE, box_over_ground, least_clearance
 from .wheel import (
     COSINE,
     GAP,
+    HALF,
     HX,
     HY,
     HZ,
@@ -24,6 +25,7 @@ from .wheel import (
     SIN,
     contact_angle,
     contact_slope,
+    gap_at,
     tread_point,
 )
 from .work import WORK_SIZE, lay_out
@@ -87,6 +89,14 @@ def rest_batch(
 
 
 @njit
+def flush(grid: Array, meta: Array, w: Array, best: Array) -> bool:
+    """Whether the tread lies along the ground over its whole width: then its middle stands for the contact."""
+    far = gap_at(grid, meta, w, best[SIN], best[COSINE], -best[PLACE])
+    middle = gap_at(grid, meta, w, best[SIN], best[COSINE], 0.0)
+    return max(far, middle) <= best[GAP] + 1e-9
+
+
+@njit
 def touch_batch(
     ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, q: Array, keep: float,
     gap: Array, angle: Array, point: Array, normal: Array, count: NDArray[np.int64],
@@ -117,6 +127,8 @@ def touch_batch(
             if code != FOUND:
                 continue
             gap[k, i] = best[GAP]
+            if abs(best[PLACE]) == w[HALF] and flush(grid, meta, w, best):
+                best[PLACE] = 0.0
             ox, oy, oz = tread_point(w, best[SIN], best[COSINE], best[PLACE])
             point[k, i, 0] = w[HX] + ox + meta[META_X]
             point[k, i, 1] = w[HY] + oy + meta[META_Y]

@@ -30,6 +30,8 @@ WHEEL_SIZE = 20
 GAP, SIN, COSINE, PLACE = range(4)
 PLACE_SIZE = 4
 
+TIE = 1e-13  # m
+BESIDE = 1e-4  # rad
 FLAT = 0.05  # cos τ below which a wheel lies on its side: no contact is sought
 
 
@@ -81,7 +83,9 @@ def gap_at(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s: fl
 @inlined
 def note(best: Array, gap: float, sine: float, cosine: float, s: float, keep: float, found: Array, count: int) -> int:
     """Hold a place as the best if it is, and keep it if its gap is below `keep`. Returns how many are kept."""
-    if gap < best[GAP] - 1e-13:  # not for a rounding error: a contact does not jump between places that tie
+    # a contact does not jump between places that tie but for rounding; one right beside the best is the same, found better
+    beside = abs(sine - best[SIN]) + abs(cosine - best[COSINE]) < BESIDE and s == best[PLACE]
+    if gap < best[GAP] - TIE or (beside and gap < best[GAP] + TIE):
         best[GAP], best[SIN], best[COSINE], best[PLACE] = gap, sine, cosine, s
     if gap <= keep and count < found.shape[0]:
         found[count, GAP], found[count, SIN], found[count, COSINE], found[count, PLACE] = gap, sine, cosine, s

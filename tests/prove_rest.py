@@ -1,0 +1,35 @@
+"""Three hundred poses of three rovers on solids, on fields, and with close stops, against MuJoCo at rest. Run by hand:
+
+python tests/prove_rest.py [poses]
+"""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+
+from rest_cases import compare, field, load, solids, stiff
+
+
+def main(poses: int) -> None:
+    for name, size in (("elhami-dashti", 8.0), ("rocky7", 6.0), ("perseverance", 16.0)):
+        rover = load(name)
+        for label, ground, car in (
+            ("solids", solids(size, 1), rover),
+            ("field", field(2 * size, 1), rover),
+            ("close stops", field(2 * size, 2), stiff(rover)),
+        ):
+            a = compare(car, ground, poses, seed=5)
+            rms = np.degrees(np.sqrt((a.angles**2).mean(axis=0)))
+            shares = f"alike {a.share:7.2%}, a rest of both {a.share_of_rests:7.2%} of {poses}"
+            kinds = f"{a.lifted} with a wheel in the air, {a.stopped} on a stop"
+            angles = "roll {:.4f} pitch {:.4f} rocker {:.4f} bogies {:.4f} {:.4f} deg".format(*rms)
+            z = 1e3 * np.sqrt((a.z**2).mean())
+            print(f"{name:14s} {label:12s} {shares} ({kinds})  RMS {angles}, z {z:.3f} mm", flush=True)
+            for line in a.unlike:
+                print("   ", line, flush=True)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 300)
