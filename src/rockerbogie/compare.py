@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import __version__
-from .dataset import VARIABLES, run_dataset
+from .dataset import SCENE, VARIABLES, run_dataset
 from .drive import summary
 from .errors import RockerbogieError
 from .rover import Rover
@@ -74,34 +74,28 @@ def settle_along(rover: Rover, terrain: Terrain, run: xr.Dataset) -> xr.Dataset:
     pose = settle(rover, terrain, *(run[name].to_numpy() for name in ("x", "y", "yaw")), steering=run["steering"].to_numpy())
     time, distance = run["time"].to_numpy(), run["distance"].to_numpy()
     attrs = {
-        "terrain": terrain.name,
         "source": f"rockerbogie {__version__} settle, along: {run.attrs.get('source', 'a run')}",
         "status_summary": summary(pose.status, distance),
     }
-    return run_dataset(rover, time, distance, {name: getattr(pose, name) for name in VARIABLES}, attrs)
+    return run_dataset(rover, terrain, time, distance, {name: getattr(pose, name) for name in VARIABLES}, attrs)
 
 
 def compare(run: xr.Dataset, sim: xr.Dataset) -> Comparison:
     """RMS and worst difference of height, attitude, joint and contact angles between two runs, record by record.
 
-    Both must stand at the same x, y and yaw throughout: a simulated rover sways and skids off its path, and some centimetres
-    further on the ground is another. `settle_along(rover, terrain, sim)` gives the kinematic run that fits a simulation.
+    They are compared at equal x, y and yaw. A simulated rover sways and skids off its path, and some centimetres further on
+    the ground is another: where the two stand at different places, the rover of `run` is settled at those of `sim`
+    (`settle_along`) and that is compared.
 
     Raises:
-        RockerbogieError: the runs stand at different places, or differ in length.
+        RockerbogieError: the runs stand at different places and were read from files, so that rover and terrain are not known.
     """
-    if run.sizes["time"] != sim.sizes["time"]:
-        raise RockerbogieError(
-            f"the runs have {run.sizes['time']} and {sim.sizes['time']} records: "
-            "compare settle_along(rover, terrain, sim) with sim"
-        )
-    apart = max(float(np.abs(run[name].to_numpy() - sim[name].to_numpy()).max()) for name in ("x", "y"))
-    turned = float(np.abs(_wrap(run["yaw"].to_numpy() - sim["yaw"].to_numpy())).max())
-    if not max(apart, turned) <= SAME_PLACE:
-        raise RockerbogieError(
-            f"the runs stand up to {apart:.3g} m and {np.degrees(turned):.3g} deg apart, where angles differ anyway: "
-            "compare settle_along(rover, terrain, sim) with sim"
-        )
+    elsewhere = _elsewhere(run, sim)
+    if elsewhere:
+        scene: tuple[Rover, Terrain] | None = run.encoding.get(SCENE, sim.encoding.get(SCENE))
+        if scene is None:
+            raise RockerbogieError(f"the runs {elsewhere}: compare settle_along(rover, terrain, sim) with sim")
+        run = settle_along(*scene, sim)
     distance = sim["distance"].to_numpy()
     channels = []
     for name, dim in COMPARED.items():
@@ -114,6 +108,17 @@ def compare(run: xr.Dataset, sim: xr.Dataset) -> Comparison:
             _channel(label, unit, column, distance) for label, column in zip(labels, np.atleast_2d(difference.T), strict=True)
         ]
     return Comparison(tuple(channels))
+
+
+def _elsewhere(run: xr.Dataset, sim: xr.Dataset) -> str:
+    """In what way the runs do not stand at the same places record by record; nothing if they do."""
+    if run.sizes["time"] != sim.sizes["time"]:
+        return f"have {run.sizes['time']} and {sim.sizes['time']} records"
+    apart = max(float(np.abs(run[name].to_numpy() - sim[name].to_numpy()).max()) for name in ("x", "y"))
+    turned = float(np.abs(_wrap(run["yaw"].to_numpy() - sim["yaw"].to_numpy())).max())
+    if max(apart, turned) <= SAME_PLACE:
+        return ""
+    return f"stand up to {apart:.3g} m and {np.degrees(turned):.3g} deg apart, where angles differ anyway"
 
 
 def _channel(name: str, unit: str, difference: Array, distance: Array) -> Channel:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from .pose import Pose
     from .rover import Rover
+    from .terrain import Terrain
 
 Array = NDArray[np.float64]
 
@@ -53,8 +54,12 @@ RUN_VARIABLES = (
 )
 
 
+#: Where a run's Dataset keeps its (rover, terrain) while it is in memory; files do not hold it.
+SCENE = "rockerbogie_scene"
+
+
 def run_dataset(
-    rover: Rover, time: Array, distance: Array, values: Mapping[str, NDArray[np.generic]], attrs: dict[str, Any]
+    rover: Rover, terrain: Terrain, time: Array, distance: Array, values: Mapping[str, NDArray[np.generic]], attrs: dict[str, Any]
 ) -> xr.Dataset:
     """The Dataset of a run: `values` (time, ...) by their names in `RUN_VARIABLES`, over time (n,) s and distance (n,) m."""
     import xarray as xr
@@ -72,7 +77,9 @@ def run_dataset(
         "side": ["left", "right"],
         "axis": ["x", "y", "z"],
     }
-    return xr.Dataset(data, coords, {"rover": rover.name, **attrs})
+    run = xr.Dataset(data, coords, {"rover": rover.name, "terrain": terrain.name, **attrs})
+    run.encoding[SCENE] = (rover, terrain)
+    return run
 
 
 def pose_dataset(pose: Pose) -> xr.Dataset:

@@ -82,14 +82,13 @@ def drive(
     values = {name: getattr(pose, name) for name in VARIABLES} | drive_rates(pose, at, speed)
     values["contact_angle_rate"] = np.gradient(pose.contact_angle, time, axis=0)
     attrs = {
-        "terrain": terrain.name,
         "path": path.description,
         "speed": float(speed),
         "source": f"rockerbogie {__version__} drive",
         "rates": "exact derivatives with the steering held; contact_angle_rate by central differences",
         "status_summary": summary(pose.status, distance),
     }
-    return run_dataset(rover, time, distance, values, attrs)
+    return run_dataset(rover, terrain, time, distance, values, attrs)
 
 
 def ackermann(rover: Rover, curvature: ArrayLike, crab: ArrayLike = 0.0) -> Array:

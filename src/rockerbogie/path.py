@@ -49,7 +49,7 @@ class Path:
         Raises:
             PathError: not finite, or a length that is not above 0.
         """
-        said = f"straight, {length:.10g} m from ({start[0]:.10g}, {start[1]:.10g}) m towards {np.rad2deg(yaw):.10g} deg"
+        said = f"straight, {length:g} m from ({start[0]:.9g}, {start[1]:.9g}) m towards {np.rad2deg(yaw):g} deg"
         return _from_arcs(start, yaw, [(length, 0.0)], said)
 
     @classmethod
@@ -62,7 +62,7 @@ class Path:
         if not radius > 0:
             raise PathError(f"radius is {radius} m; give one above 0 (the sign of the angle says left or right)")
         side = "left" if angle > 0 else "right"
-        said = f"arc, {abs(np.rad2deg(angle)):.10g} deg {side} at {radius:.10g} m radius from ({start[0]:.10g}, {start[1]:.10g}) m"
+        said = f"arc, {abs(np.rad2deg(angle)):g} deg {side} at {radius:g} m radius from ({start[0]:.9g}, {start[1]:.9g}) m"
         return _from_arcs(start, yaw, [(abs(angle) * radius, np.sign(angle) / radius)], said)
 
     @classmethod
@@ -91,14 +91,14 @@ class Path:
         if room[tight] < -1e-9 * leg[tight]:
             fits = radius * leg[tight] / (cut[tight] + cut[tight + 1])
             raise PathError(
-                f"no room to turn at {radius:.10g} m radius between waypoints {tight + 1} and {tight + 2}, {leg[tight]:.10g} m apart: "
+                f"no room to turn at {radius:g} m radius between waypoints {tight + 1} and {tight + 2}, {leg[tight]:g} m apart: "
                 f"give a radius of at most {fits:.3g} m or move them apart"
             )
         pieces = [(float(room[0]), 0.0)]
         for angle, straight in zip(turn, room[1:], strict=True):
             pieces += [(abs(angle) * radius, np.sign(angle) / radius), (float(straight), 0.0)]
-        ends = f"({p[0, 0]:.10g}, {p[0, 1]:.10g}) to ({p[-1, 0]:.10g}, {p[-1, 1]:.10g}) m"
-        said = f"{len(p)} waypoints from {ends}, corners of {radius:.10g} m radius"
+        ends = f"({p[0, 0]:.9g}, {p[0, 1]:.9g}) to ({p[-1, 0]:.9g}, {p[-1, 1]:.9g}) m"
+        said = f"{len(p)} waypoints from {ends}, corners of {radius:g} m radius"
         return _from_arcs((p[0, 0], p[0, 1]), float(way[0]), [s for s in pieces if s[0] > 1e-12], said)
 
     @classmethod
@@ -118,7 +118,7 @@ class Path:
         leg, way = _legs(px, py)
         if not np.isfinite(facing).all():
             raise PathError("yaw holds a value that is not finite; drop those poses")
-        said = f"{len(px)} poses from ({px[0]:.10g}, {py[0]:.10g}) to ({px[-1]:.10g}, {py[-1]:.10g}) m"
+        said = f"{len(px)} poses from ({px[0]:.9g}, {py[0]:.9g}) to ({px[-1]:.9g}, {py[-1]:.9g}) m"
         distance = np.concatenate([[0.0], np.cumsum(leg)])
         return cls(distance, px, py, np.unwrap(facing), np.unwrap(way), np.zeros(len(leg)), said)
 
@@ -136,7 +136,7 @@ class Path:
         s = np.asarray(distance, dtype=float)
         if not ((s >= 0) & (s <= self.length)).all():
             raise PathError(
-                f"the path runs from 0 to {self.length:.10g} m; distances asked for run from {s.min():.10g} to {s.max():.10g} m"
+                f"the path runs from 0 to {self.length:g} m; distances asked for run from {s.min():g} to {s.max():g} m"
             )
         k = np.clip(np.searchsorted(self.distance, s, side="right") - 1, 0, len(self.bend) - 1)
         along = s - self.distance[k]
@@ -165,11 +165,11 @@ def _legs(x: Array, y: Array) -> tuple[Array, Array]:
     """Length and direction (n - 1,) of the straight lines between places (n,)."""
     if not (np.isfinite(x).all() and np.isfinite(y).all()):
         bad = int(np.argmin(np.isfinite(x) & np.isfinite(y)))
-        raise PathError(f"point {bad + 1} of the path is ({x[bad]:.10g}, {y[bad]:.10g}): give finite numbers, in metres")
+        raise PathError(f"point {bad + 1} of the path is ({x[bad]:g}, {y[bad]:g}): give finite numbers, in metres")
     leg = np.hypot(np.diff(x), np.diff(y))
     if (leg == 0).any():
         k = int(np.argmin(leg))
-        raise PathError(f"points {k + 1} and {k + 2} of the path are both at ({x[k]:.10g}, {y[k]:.10g}) m: leave one out")
+        raise PathError(f"points {k + 1} and {k + 2} of the path are both at ({x[k]:g}, {y[k]:g}) m: leave one out")
     return leg, np.arctan2(np.diff(y), np.diff(x))
 
 

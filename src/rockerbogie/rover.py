@@ -164,6 +164,8 @@ class Rover:
 
         `more` are the other arguments of `from_pivots` (name, wheel_width, steers, masses, …).
         """
+        if abs(K9) > np.pi:
+            raise RoverError(f"K9 is {K9:g}: give it in radians, as in K9=np.radians(30.7)")
         bogie = (K2 + K6 * np.cos(K9), K3, K1 - K6 * np.sin(K9))
         return cls.from_pivots(
             wheel_radius=K10,

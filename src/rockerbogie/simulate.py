@@ -290,7 +290,7 @@ def _measured(rover: Rover, terrain: Terrain, records: list[Record], attrs: dict
     }
     distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))])
     attrs["status_summary"] = summary(status, distance)
-    run = run_dataset(rover, time, distance, values, attrs)
+    run = run_dataset(rover, terrain, time, distance, values, attrs)
     twist = np.concatenate([np.einsum("nji,nj->ni", R, linear), w], axis=-1)
     more = {name: got[name] for name in ("wheel_angle", "contact_force", "wheel_rate_command", "steering_command")}
     more |= dict(zip(EXTRA, twist.T, strict=False)) | _slip(rover, axle, got)
