@@ -54,21 +54,15 @@ def bench(
     if json:
         print_json(figures)
         return
-    table = Table(box=box.SIMPLE_HEAD, caption="µs a pose, one thread unless said; × is fsolve's time over ours in this run")
-    table.add_column("case")
-    for heading in (
-        "settled",
-        "µs",
-        "p99",
-        "along a path",
-        f"{results[0].threads} threads",
-        "× point",
-        "× rim",
-        *(["before"] if before else []),
-    ):
+    table = Table(
+        box=box.SIMPLE_HEAD,
+        caption="µs a pose: scattered places, along a path, on all threads; ×: fsolve's time over ours in this run",
+    )
+    table.add_column("case", no_wrap=True)
+    for heading in ("settled", "µs", "path", f"{results[0].threads} thr", "× point", "× rim", *(["before"] if before else [])):
         table.add_column(heading, justify="right")
     for r in results:
-        figures_of = (r.us, r.us_p99, r.us_along, r.us_all_threads)
+        figures_of = (r.us, r.us_along, r.us_all_threads)
         old = [f"{before[r.name]:,.0f}" if r.name in before else "-"] if before else []
         ratios = (f"{r.ratios['point']:,.0f}", f"{r.ratios['rim']:,.0f}")
         table.add_row(r.name, f"{r.settled:.1%}", *(f"{value:.2f}" for value in figures_of), *ratios, *old)
