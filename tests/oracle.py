@@ -10,8 +10,9 @@ the answer is bracketed, best - tolerance ≤ gap ≤ best, however many places 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import comb, factorial
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -118,9 +119,13 @@ class Wheels:
     radius: Array
     half: Array
 
-    def take(self, index: ArrayLike) -> Wheels:
+    def take(self, index: ArrayLike) -> Self:
         """Some of them, or some of them many times over."""
-        return Wheels(*(getattr(self, name)[np.asarray(index)] for name in ("hub", "X", "Y", "Z", "radius", "half")))
+        return type(self)(*(getattr(self, field.name)[np.asarray(index)] for field in fields(self)))
+
+    def extent(self) -> Array:
+        """(m, 3) metres to a unit of φ at most, φ's half range, s's."""
+        return np.stack([self.radius, np.full_like(self.radius, np.pi), self.half], -1)
 
     def tread(self, phi: Array, s: Array) -> tuple[Array, Array]:
         """Points (m, 3) of the tread, one a wheel, and their derivative by φ."""
@@ -128,12 +133,44 @@ class Wheels:
         return self.hub + s[:, None] * self.Y - r * (sin * self.X + cos * self.Z), r * (sin * self.Z - cos * self.X)
 
 
+@dataclass
+class Faces(Wheels):
+    """m flat faces, searched as treads are: middle + φ X + s Y, |φ| ≤ reach, |s| ≤ half; radius is nought."""
+
+    reach: Array
+
+    def extent(self) -> Array:
+        """(m, 3) metres to a unit of φ, φ's half range, s's."""
+        return np.stack([np.ones_like(self.reach), self.reach, self.half], -1)
+
+    def tread(self, phi: Array, s: Array) -> tuple[Array, Array]:
+        """Points (m, 3), one a face, and their derivative by φ."""
+        return self.hub + phi[:, None] * self.X + s[:, None] * self.Y, self.X
+
+
 def _about(axis: int, angle: Array) -> Rotation:
     return Rotation.from_rotvec(np.multiply.outer(angle, np.eye(3)[axis]))
 
 
-def stand(rover: Rover, x: ArrayLike, y: ArrayLike, yaw: ArrayLike, q: ArrayLike, steering: ArrayLike | None = None) -> Wheels:
-    """The wheels (6 n) of poses (n,): q (n, 6) is z, roll, pitch, left rocker, bogies left and right.
+@dataclass
+class Stance:
+    """Where the parts of n rovers stand: rotations and fixed points of each link, its own origin (n, 3) to the world's.
+
+    Links in the rover's order: body, rockers, bogies, wheels. A point p of link k, given in the body frame at rest, is at
+    at[k] + turn[k] (p - rest[k]).
+    """
+
+    turn: list[Rotation]
+    rest: list[Array]
+    at: list[Array]
+
+    def place(self, link: int, p: ArrayLike) -> Array:
+        """(n, 3) where a link's point p (3,) is."""
+        return self.at[link] + self.turn[link].apply(np.asarray(p, dtype=float) - self.rest[link])
+
+
+def stance(rover: Rover, x: ArrayLike, y: ArrayLike, yaw: ArrayLike, q: ArrayLike, steering: ArrayLike | None = None) -> Stance:
+    """The linkage at poses (n,): q (n, 6) is z, roll, pitch, left rocker, bogies left and right.
 
     From the body out: R = Rz(yaw) Ry(pitch) Rx(roll); every suspension joint turns about the body's y; a wheel steers
     about the upright line through its hub plus its steering offset.
@@ -143,27 +180,68 @@ def stand(rover: Rover, x: ArrayLike, y: ArrayLike, yaw: ArrayLike, q: ArrayLike
     x, y, yaw = (np.broadcast_to(np.asarray(a, dtype=float), n) for a in (x, y, yaw))
     psi = np.broadcast_to(np.zeros(6) if steering is None else np.asarray(steering, dtype=float), (n, 6))
     body = _about(2, yaw) * _about(1, q[:, 2]) * _about(0, q[:, 1])
-    at = np.stack([x, y, q[:, 0]], -1)
+    parts = Stance([body], [np.zeros(3)], [np.stack([x, y, q[:, 0]], -1)])
+
+    def hang(parent: int, joint: Array, turn: Rotation) -> None:
+        """A link that turns about `joint`, a point of its parent."""
+        parts.at.append(parts.place(parent, joint))
+        parts.turn.append(parts.turn[parent] * turn)
+        parts.rest.append(joint)
+
     right = sum(c * q[:, 3] ** k for k, c in enumerate(rover.differential))
-    hubs, frames = np.empty((n, 6, 3)), np.empty((n, 6, 3, 3))
+    for side, angle in enumerate((q[:, 3], right)):
+        hang(0, rover.rocker_pivot[side], _about(1, angle))
+    for side in (0, 1):
+        hang(1 + side, rover.bogie_pivot[side], _about(1, q[:, 4 + side]))
     for i in range(6):
-        side = i % 2
-        arm = _about(1, q[:, 3] if side == 0 else right)
-        origin, link, angle = rover.rocker_pivot[side], rover.rocker_pivot[side], arm
-        if i >= 2:
-            origin = rover.rocker_pivot[side] + arm.apply(rover.bogie_pivot[side] - rover.rocker_pivot[side])
-            link = rover.bogie_pivot[side]
-            angle = arm * _about(1, q[:, 4 + side])
-        turn = _about(2, psi[:, i])
         post = rover.hubs[i] + [*rover.steering_offset[i], 0.0]
-        hub = post + turn.apply(rover.hubs[i] - post)
-        hubs[:, i] = at + body.apply(origin + angle.apply(hub - link))
-        frames[:, i] = (body * angle * turn).as_matrix()
-    flat = frames.reshape(-1, 3, 3)
+        hang((1 if i < 2 else 3) + i % 2, post, _about(2, psi[:, i]))
+    return parts
+
+
+def stand(rover: Rover, x: ArrayLike, y: ArrayLike, yaw: ArrayLike, q: ArrayLike, steering: ArrayLike | None = None) -> Wheels:
+    """The wheels (6 n) of poses (n,), as `stance`."""
+    parts = stance(rover, x, y, yaw, q, steering)
+    hubs = np.stack([parts.place(5 + i, rover.hubs[i]) for i in range(6)], axis=1)
+    frames = np.stack([parts.turn[5 + i].as_matrix() for i in range(6)], axis=1).reshape(-1, 3, 3)
+    n = len(hubs)
     return Wheels(
-        hubs.reshape(-1, 3), flat[:, :, 0], flat[:, :, 1], flat[:, :, 2],
+        hubs.reshape(-1, 3), frames[:, :, 0], frames[:, :, 1], frames[:, :, 2],
         np.tile(rover.wheel_radius, n), np.tile(rover.wheel_width / 2, n),
     )  # fmt: skip
+
+
+def box(rover: Rover, x: ArrayLike, y: ArrayLike, yaw: ArrayLike, q: ArrayLike) -> Faces:
+    """The body box's faces (6 n) at poses (n,)."""
+    parts = stance(rover, x, y, yaw, q)
+    axes = parts.turn[0].as_matrix()
+    low, high = rover.body_box
+    size, middle = (high - low) / 2, (high + low) / 2
+    faces = []
+    for axis in range(3):
+        one, two = (axis + 1) % 3, (axis + 2) % 3
+        for end in (low, high):
+            spot = middle.copy()
+            spot[axis] = end[axis]
+            full = np.ones(len(axes))
+            faces.append(
+                (
+                    parts.place(0, spot),
+                    axes[:, :, one],
+                    axes[:, :, two],
+                    axes[:, :, axis],
+                    0 * full,
+                    size[two] * full,
+                    size[one] * full,
+                )
+            )
+    return Faces(*(np.stack(a, axis=1).reshape(len(axes) * 6, *a[0].shape[1:]) for a in zip(*faces, strict=True)))
+
+
+def mass_height(rover: Rover, parts: Stance) -> Array:
+    """(n,) height of the whole rover's centre of mass, m."""
+    heights = [link.mass * parts.place(k, link.com)[:, 2] for k, link in enumerate(rover.links)]
+    return np.asarray(sum(heights) / rover.mass)
 
 
 @dataclass
@@ -206,24 +284,25 @@ def _boxes(ground: Ground, wheels: Wheels) -> tuple[NDArray[np.int64], Array, Ar
     cell = min(ground.spacing)
     roof = maximum_filter(ground.top, 2 * WINDOW + 1)
     out = []
-    for r, half in np.unique(np.stack([wheels.radius, wheels.half], -1), axis=0):
-        fine_phi, fine_s = max(12, int(np.ceil(4.5 * np.pi * r / cell))), max(1, int(np.ceil(4.5 * half / cell)))
+    extents = wheels.extent()
+    for unit, span, half in np.unique(extents, axis=0):
+        fine_phi, fine_s = max(12, int(np.ceil(4.5 * unit * span / cell))), max(1, int(np.ceil(4.5 * half / cell)))
         n_phi, n_s = max(12, -(-fine_phi // 8)), -(-fine_s // 8)
-        here = np.flatnonzero((wheels.radius == r) & (wheels.half == half))
-        phi, s = _grid(np.array([0.0]), np.array([0.0]), np.pi, half, n_phi, n_s)
+        here = np.flatnonzero((extents == (unit, span, half)).all(axis=1))
+        phi, s = _grid(np.array([0.0]), np.array([0.0]), span, half, n_phi, n_s)
         k, phi, s = np.repeat(here, phi.size), np.tile(phi, here.size), np.tile(s, here.size)
         w = wheels.take(k)
         p, along = w.tread(phi, s)
-        drop = abs(along[:, 2]) * np.pi / n_phi + abs(w.Y[:, 2]) * half / n_s + 0.5 * r * (np.pi / n_phi) ** 2
+        drop = abs(along[:, 2]) * span / n_phi + abs(w.Y[:, 2]) * half / n_s + 0.5 * unit * (span / n_phi) ** 2
         over = p[:, 2] - ground.height(p[:, 0], p[:, 1])
         best = np.full(len(wheels.radius), np.inf)
         np.minimum.at(best, k, over)
         near = p[:, 2] - drop - roof[ground.cells(p[:, 0], p[:, 1])] < best[k]
         k, phi, s = k[near], phi[near], s[near]
         m_phi, m_s = -(-fine_phi // n_phi), -(-fine_s // n_s)
-        phi, s = _grid(phi, s, np.pi / n_phi, half / n_s, m_phi, m_s)
+        phi, s = _grid(phi, s, span / n_phi, half / n_s, m_phi, m_s)
         k = np.repeat(k, m_phi * m_s)
-        out.append((k, phi, s, np.full(k.size, np.pi / n_phi / m_phi), np.full(k.size, half / n_s / m_s)))
+        out.append((k, phi, s, np.full(k.size, span / n_phi / m_phi), np.full(k.size, half / n_s / m_s)))
     return tuple(np.concatenate(a) for a in zip(*out, strict=True))  # type: ignore[return-value]
 
 

@@ -65,11 +65,11 @@ def cases() -> list[Case]:
     noisy = Terrain.from_array(rng.normal(size=(400, 400)) * 0.01, 0.05, interpolation="linear", name="1 cm noise")
     return [
         Case("smooth cubic, thin disc", paper, smooth),
-        Case("rough 5 cm linear, thin disc", discs, noisy),
-        Case("rocks 10 cm linear, whole tread", percy, surfaces.rocks(0.1, 1, size=40.0, spacing=0.1, smallest=0.2)),
-        Case("rocks 5 cm linear, whole tread", percy, surfaces.rocks(0.1, 1, size=40.0, spacing=0.05)),
+        Case("rough 5 cm, thin disc", discs, noisy),
+        Case("rocks 10 cm, whole tread", percy, surfaces.rocks(0.1, 1, size=40.0, spacing=0.1, smallest=0.2)),
+        Case("rocks 5 cm, whole tread", percy, surfaces.rocks(0.1, 1, size=40.0, spacing=0.05)),
         Case(
-            "Mars 1 m cubic, whole tread",
+            "Mars 1 m, whole tread",
             curiosity,
             surfaces.mars(1, size=200.0, spacing=1.0, k=0.0, smallest_crater=10.0, interpolation="cubic"),
         ),

@@ -60,12 +60,12 @@ def bench(
     )
     table.add_column("case", no_wrap=True)
     for heading in ("settled", "µs", "path", f"{results[0].threads} thr", "× point", "× rim", *(["before"] if before else [])):
-        table.add_column(heading, justify="right")
+        table.add_column(heading, justify="right", no_wrap=True)
     for r in results:
         figures_of = (r.us, r.us_along, r.us_all_threads)
         old = [f"{before[r.name]:,.0f}" if r.name in before else "-"] if before else []
         ratios = (f"{r.ratios['point']:,.0f}", f"{r.ratios['rim']:,.0f}")
-        table.add_row(r.name, f"{r.settled:.1%}", *(f"{value:.2f}" for value in figures_of), *ratios, *old)
+        table.add_row(r.name, f"{r.settled:.1%}", *(f"{value:.1f}" for value in figures_of), *ratios, *old)
     console = Console()
     console.print(table)
     console.print(f"one pose in one call from Python: {call:.0f} µs")
