@@ -84,3 +84,25 @@ def test_errors_are_of_one_family() -> None:
     for error in (rb.RoverError, rb.TerrainError, rb.PathError):
         assert issubclass(error, rb.RockerbogieError)
     assert issubclass(rb.RockerbogieError, ValueError)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: rb.settle("curiosity", rb.surfaces.plane(), 0, 0),
+        lambda: rb.drive("curiosity", rb.surfaces.plane(), rb.Path.straight((0, 0), 0.0, 1.0)),
+        lambda: rb.simulate("curiosity", rb.surfaces.plane(), rb.Path.straight((0, 0), 0.0, 1.0)),
+        lambda: rb.wheel_frames("curiosity", 0.0, (0.0, 0.0)),
+        lambda: rb.to_urdf("curiosity"),
+        lambda: rb.to_sdf("curiosity"),
+        lambda: rb.to_mjcf("curiosity"),
+    ],
+)
+def test_a_rovers_name_is_not_a_rover(call) -> None:
+    with pytest.raises(rb.RockerbogieError, match=r"rover is 'curiosity', not a Rover: load one with rockerbogie\.load_rover"):
+        call()
+
+
+def test_a_list_is_not_a_path() -> None:
+    with pytest.raises(rb.RockerbogieError, match="path is .*waypoints"):
+        rb.drive(rb.load_rover("curiosity"), rb.surfaces.plane(), [(0, 0), (1, 0)])  # type: ignore[arg-type]

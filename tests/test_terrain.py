@@ -233,3 +233,15 @@ def test_the_array_given_is_not_touched_and_the_terrain_keeps_its_own() -> None:
 def test_what_is_not_ground_is_refused(arguments: dict[str, Any], sentence: str) -> None:
     with pytest.raises(rb.TerrainError, match=sentence):
         rb.Terrain.from_array(**{"z": np.zeros((6, 6)), "spacing": 0.1, **arguments})
+
+
+def test_what_a_mask_hides_is_unknown_ground() -> None:
+    z = np.ma.masked_equal(np.where(np.arange(2500).reshape(50, 50) % 50 > 25, -9999.0, 0.0), -9999.0)
+    terrain = rb.Terrain.from_array(z, 0.1, interpolation="linear")
+    assert np.isnan(terrain.height(4.0, 2.0))
+    assert terrain.height(1.0, 2.0) == 0
+
+
+def test_complex_heights_are_refused() -> None:
+    with pytest.raises(rb.RockerbogieError, match="complex"):
+        rb.Terrain.from_array(np.zeros((5, 5), dtype=complex), 0.1)

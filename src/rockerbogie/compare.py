@@ -46,6 +46,7 @@ class Comparison:
     """What `compare` found; print it for a table in degrees and millimetres."""
 
     channels: tuple[Channel, ...]
+    resettled: bool = False  # the first run stood elsewhere: its rover was settled where the second stands, and that is compared
 
     def __getitem__(self, name: str) -> Channel:
         for channel in self.channels:
@@ -62,6 +63,8 @@ class Comparison:
         for c in self.channels:
             unit, factor = PRINTED[c.unit]
             lines.append(f"{c.name:<18} {factor * c.rms:9.4f} {factor * c.worst:9.4f} {unit:<4} {c.worst_at:6.2f} {c.count:8d}")
+        if self.resettled:
+            lines.append("the first run's rover, settled where the second stands")
         return "\n".join(lines)
 
 
@@ -90,11 +93,24 @@ def compare(run: xr.Dataset, sim: xr.Dataset) -> Comparison:
     Raises:
         RockerbogieError: the runs stand at different places and were read from files, so that rover and terrain are not known.
     """
+    if sim.sizes["time"] == 0:
+        raise RockerbogieError("the second run has no records: there is nothing to compare")
+    names = [data.attrs.get("rover") for data in (run, sim)]
+    if names[0] != names[1]:
+        raise RockerbogieError(f"the runs are of two rovers, {names[0]!r} and {names[1]!r}: compare runs of one")
     elsewhere = _elsewhere(run, sim)
+    if elsewhere and "simulate" in run.attrs.get("source", "") and "simulate" not in sim.attrs.get("source", ""):
+        raise RockerbogieError(
+            "give the kinematic run first and the simulation second: the first is settled where the second stands"
+        )
     if elsewhere:
         scene: tuple[Rover, Terrain] | None = run.encoding.get(SCENE, sim.encoding.get(SCENE))
         if scene is None:
             raise RockerbogieError(f"the runs {elsewhere}: compare settle_along(rover, terrain, sim) with sim")
+        if scene[1].name != sim.attrs.get("terrain"):
+            raise RockerbogieError(
+                f"the runs are on two grounds, {scene[1].name!r} and {sim.attrs.get('terrain')!r}: compare on one"
+            )
         run = settle_along(*scene, sim)
     distance = sim["distance"].to_numpy()
     channels = []
@@ -107,7 +123,7 @@ def compare(run: xr.Dataset, sim: xr.Dataset) -> Comparison:
         channels += [
             _channel(label, unit, column, distance) for label, column in zip(labels, np.atleast_2d(difference.T), strict=True)
         ]
-    return Comparison(tuple(channels))
+    return Comparison(tuple(channels), resettled=bool(elsewhere))
 
 
 def _elsewhere(run: xr.Dataset, sim: xr.Dataset) -> str:

@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import __version__
 from .dataset import VARIABLES, run_dataset
-from .errors import PathError, RockerbogieError
+from .errors import PathError, RockerbogieError, expect
 from .jacobian import contact_rows
 from .path import Path, PathSample
 from .pose import Pose
-from .rover import Rover
+from .rover import LOAD_ROVER, Rover
 from .settle import settle
 from .status import Status
 from .terrain import Terrain
@@ -59,6 +59,8 @@ def drive(
         PathError: at no station all wheels stand on the map; a step or speed that is not above 0; too many stations.
         RockerbogieError: steering that does not fit.
     """
+    expect(rover, Rover, "rover", LOAD_ROVER)
+    expect(path, Path, "path", "make one with rockerbogie.Path.straight, arc, waypoints or from_arrays")
     if not (np.isfinite(speed) and speed > 0):
         raise PathError(f"speed is {speed} m/s; give one above 0 (to go backwards, give a path that faces back)")
     if not (np.isfinite(step) and step > 0):

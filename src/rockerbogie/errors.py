@@ -22,6 +22,12 @@ class PathError(RockerbogieError):
     """A path that cannot be driven: too few points, not finite, or off the map."""
 
 
+def expect(value: object, kind: type, name: str, remedy: str) -> None:
+    """Raise a sentence where an argument is not what a call was made for, such as a rover's name in a rover's place."""
+    if not isinstance(value, kind):
+        raise RockerbogieError(f"{name} is {value!r:.60}, not a {kind.__name__}: {remedy}")
+
+
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:
     """One sentence for a name that is not there, with the nearest one that is."""
     names = sorted(known)

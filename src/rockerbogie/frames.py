@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import RockerbogieError
-from .rover import Rover
+from .errors import RockerbogieError, expect
+from .rover import LOAD_ROVER, Rover
 
 Array = NDArray[np.float64]
 
@@ -35,6 +35,7 @@ def joint_angles(rover: Rover, rocker: ArrayLike, bogie: ArrayLike, steering: Ar
 
 def check_steering(rover: Rover, steering: ArrayLike | None) -> Array:
     """Steering (..., 6) as an array, rad; none given is straight ahead."""
+    expect(rover, Rover, "rover", LOAD_ROVER)
     if steering is None:
         return np.zeros(6)
     s = np.asarray(steering, dtype=float)

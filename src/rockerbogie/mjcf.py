@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .differential import quartic
-from .errors import TerrainError
+from .errors import TerrainError, expect
 from .formats.mjcf import exact_text
 from .frames import ON_BOGIE, WHEEL_SIDE
-from .rover import Link, Rover
+from .rover import LOAD_ROVER, Link, Rover
 from .settle import settle
 from .terrain import Terrain
 
@@ -92,6 +92,7 @@ def build_spec(
     friction: float = 0.8,
 ) -> Any:
     """What `to_mjcf` writes, as a `mujoco.MjSpec` that can be added to and compiled at full precision."""
+    expect(rover, Rover, "rover", LOAD_ROVER)
     spec = empty_spec(rover.name)
     if terrain is not None:
         add_terrain(spec, terrain, region, default_cell(rover, terrain, region) if cell is None else cell)

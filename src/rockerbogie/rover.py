@@ -21,6 +21,8 @@ from .validity import check_rover
 
 Array = NDArray[np.float64]
 
+#: What to do where a rover was wanted and something else given.
+LOAD_ROVER = "load one with rockerbogie.load_rover(name or file), or build one with rockerbogie.Rover.from_pivots(...)"
 IDEAL_DIFFERENTIAL = (0.0, -1.0)
 #: Mass of a rover whose mass is not given: this many kg times the cube of its wheelbase (Curiosity 78, Rocky 7 128).
 DEFAULT_DENSITY = 90.0

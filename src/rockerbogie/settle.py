@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike
 
 from ._kernels import batch, equilibrium
 from ._kernels.jit import spread
-from .errors import RockerbogieError
+from .errors import RockerbogieError, expect
 from .frames import check_steering
 from .pose import Pose
-from .rover import Rover
+from .rover import LOAD_ROVER, Rover
 from .terrain import Terrain
 
 Mode = Literal["contact", "equilibrium"]
@@ -45,6 +45,8 @@ def settle(
     Raises:
         RockerbogieError: x, y or yaw not finite or not broadcastable, steering that does not fit the rover.
     """
+    expect(rover, Rover, "rover", LOAD_ROVER)
+    expect(terrain, Terrain, "terrain", "make one with rockerbogie.Terrain.from_array, from_raster or rockerbogie.surfaces")
     places = []
     for name, value in (("x", x), ("y", y), ("yaw", yaw)):
         try:

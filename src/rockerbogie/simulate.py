@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from . import __version__
 from .dataset import VARIABLES, run_dataset
 from .drive import ackermann, drive, summary
-from .errors import PathError, RockerbogieError
+from .errors import PathError, RockerbogieError, expect
 from .frames import check_steering, wheel_frames
 from .jacobian import SimpleStance
 from .mjcf import Region, build_spec
@@ -22,7 +22,7 @@ from .navigation import body_twist
 from .path import Path
 from .pose import Pose
 from .rigid_body import Record, Rig
-from .rover import Rover
+from .rover import LOAD_ROVER, Rover
 from .settle import settle
 from .slip import slip_ratio
 from .status import Status
@@ -103,6 +103,8 @@ def simulate(
         TerrainError: more ground than a simulation holds.
         RockerbogieError: commands without wheel rates or steering; a simulation that became unstable.
     """
+    expect(rover, Rover, "rover", LOAD_ROVER)
+    expect(path, Path, "path", "make one with rockerbogie.Path.straight, arc, waypoints or from_arrays")
     if not (np.isfinite(speed) and speed > 0):
         raise PathError(f"speed is {speed} m/s; give one above 0 (to go backwards, give a path that faces back)")
     if not (np.isfinite(interval) and interval > 0):
@@ -110,6 +112,9 @@ def simulate(
     if not (np.isfinite(friction) and friction >= 0):
         raise RockerbogieError(f"friction is {friction}; give a coefficient of 0 or more")
     _check_ground(rover, terrain, path)
+    commanded = None if commands is None else commands.attrs.get("rover", rover.name)
+    if commanded not in (None, rover.name):
+        raise RockerbogieError(f"the commands are for rover {commanded!r}, not {rover.name!r}: its wheels are others")
     if commands is None:
         driver, duration, stray = _follower(rover, terrain, path, speed), path.length / speed, 0.0
     else:

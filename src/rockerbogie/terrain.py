@@ -58,7 +58,9 @@ class Terrain:
             TerrainError: not a height field; the message says why and what to do.
         """
         try:
-            heights = np.array(z, dtype=float)
+            if np.iscomplexobj(z):
+                raise TypeError("they are complex")
+            heights: Array = np.array(np.ma.filled(np.ma.asarray(z, dtype=float), np.nan))
             step = np.broadcast_to(np.asarray(spacing, dtype=float), (2,))
             corner = np.asarray(origin, dtype=float)
         except (TypeError, ValueError) as error:

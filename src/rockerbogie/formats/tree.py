@@ -11,9 +11,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import RoverError
+from ..errors import RoverError, expect
 from ..frames import ON_BOGIE, WHEEL_SIDE
-from ..rover import Link, Rover
+from ..rover import LOAD_ROVER, Link, Rover
 
 Array = NDArray[np.float64]
 
@@ -153,6 +153,7 @@ def from_rpy(roll: float, pitch: float, yaw: float) -> Array:
 
 def tree_of(rover: Rover) -> Tree:
     """The rover as a tree: every link's frame lies along the body's at rest, at the joint that carries it."""
+    expect(rover, Rover, "rover", LOAD_ROVER)
     parts: dict[str, Part] = {}
     joints: dict[str, Joint] = {}
 
