@@ -191,9 +191,9 @@ def _arc(
         slack = 0.5 * max(-bend, 0.0) * length
         down, up = ga - slack, gb + slack  # slopes of f made hollow: its tangents at a and b bound it from below
         if down >= 0.0:
-            count = note(best, fa, math.sin(a), math.cos(a), s, keep, found, count)
+            count = note(w, best, fa, math.sin(a), math.cos(a), s, keep, found, count)
         elif up <= 0.0:
-            count = note(best, fb, math.sin(b), math.cos(b), s, keep, found, count)
+            count = note(w, best, fb, math.sin(b), math.cos(b), s, keep, found, count)
         elif fa + down * (fb - fa - up * length) / (down - up) < max(best[GAP], keep):
             if bend > 0.0:
                 count = _hollow_arc(grid, meta, w, s, a, b, ga, gb, best, keep, found, count)
@@ -201,8 +201,8 @@ def _arc(
                 b = 0.5 * (a + b)
                 continue
             else:
-                count = note(best, fa, math.sin(a), math.cos(a), s, keep, found, count)
-                count = note(best, fb, math.sin(b), math.cos(b), s, keep, found, count)
+                count = note(w, best, fa, math.sin(a), math.cos(a), s, keep, found, count)
+                count = note(w, best, fb, math.sin(b), math.cos(b), s, keep, found, count)
         a, fa, ga, gx, gy = b, fb, gb, next_gx, next_gy
         b = min(a + 2.0 * length, high)
     return count
@@ -229,7 +229,7 @@ def _hollow_arc(
         t = new
         if done:
             break
-    return note(best, f, math.sin(t), math.cos(t), s, keep, found, count)
+    return note(w, best, f, math.sin(t), math.cos(t), s, keep, found, count)
 
 
 @njit
@@ -354,7 +354,7 @@ def _note_inside(w: Array, u: float, v: float, h: float, best: Array, keep: floa
     q = math.sqrt(r * r - u * u)
     s = (v - q * w[AZ]) / w[COS]
     if abs(s) <= w[HALF]:
-        count = note(best, w[HZ] + v * w[TAN] - q / w[COS] - h, u / r, q / r, s, keep, found, count)
+        count = note(w, best, w[HZ] + v * w[TAN] - q / w[COS] - h, u / r, q / r, s, keep, found, count)
     return count
 
 

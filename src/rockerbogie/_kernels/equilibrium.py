@@ -3,7 +3,11 @@
 Lifting the body by h opens every gap by exactly h. So a pose is made to just touch by one shift of z, and what is left is
 to go down: a sequence of small quadratic programmes, each with every near contact of every wheel (not only the lowest),
 the belly's near places, the stops and a trust region. Energy falls at every step taken, as it does for a rover let down.
-The multipliers are the frictionless support forces over the rover's weight.
+Where a step would run into ground that the programme did not foresee (a kink: another slope of the same wheel), what it
+met joins the programme. Most often the six contacts of contact mode bear the rover already, and none is needed.
+
+The forces are those of what touches, none below nought, that hold the weight best; if they fail to, the rover does not
+rest there and no pose is given. They are told over the rover's weight.
 """
 
 from __future__ import annotations
@@ -24,50 +28,27 @@ from .contact import (
     WHEEL_LIFTED,
     settle_contact,
     start_pose,
-)  # fmt: skip
-from .jit import njit
-from .linkage import (
-    P_BODY,
-    P_BOGIE,
-    P_BOX,
-    P_ROCKER,
-    P_STOPS,
-    P_WHEEL,
-    PITCH,
-    ROCKER,
-    ROLL,
-    Z,
-    right_rocker,
-    slope_row,
-    stand,
-)  # fmt: skip
-from .quadratic import invert, solve_qp
-from .tread import BLANK, FOUND, ROOM, Ground, least_gap
-from .underside import N_GAP, N_GX, N_GY, N_X, N_Y, N_Z, NEAR_ROOM, NEAR_SIZE, box_over_ground
-from .wheel import (
-    COSINE,
-    GAP,
-    HX,
-    HY,
-    HZ,
-    PLACE,
-    RADIUS,
-    SIN,
-    contact_slope,
-    tread_point,
 )
+from .jit import njit
+from .linkage import P_STOPS, PITCH, ROCKER, ROLL, Z
+from .mass import centre_of_mass
+from .near import LISTED, TOUCH, six_touch, touch_down
+from .quadratic import invert, solve_qp
+from .tread import BLANK, FOUND, Ground
 from .work import Work
 
 Array = NDArray[np.float64]
 
-TOUCH = 1e-6  # a gap below this is contact, m
 MOST = 200  # programmes
-NEAR = 0.04  # contacts whose gap exceeds a wheel's least by up to this join the programme, m
 TRUST = 0.1  # first trust region, rad (and m)
 WIDEST = 0.3
 FALLEN = 1.3  # rad of roll or pitch beyond which the rover has tipped over
+ON_STOP = 1e-8  # rad
+STILL = 1e-3  # of the weight (times a metre): forces that leave more unheld do not hold the rover
+AT_REST = 1e-9  # as much as rounding leaves: six wheels that touch and push bear the rover, and no programme is needed
 DONE = 1e-11  # a programme that promises less than this has arrived (m of the centre of mass)
-ROWS = 6 * (ROOM + 1) + NEAR_ROOM
+CUTS = 24  # places met beyond a step that was not taken
+ROWS = LISTED + CUTS
 CONSTRAINTS = ROWS + 6 + 12
 
 # What each pose reports beside q: forces of the wheels and the belly as shares of the weight, and flags.
@@ -76,139 +57,6 @@ R_BELLY = 6  # force on the belly
 R_LIFTED = 7  # (6,) 1 where the wheel is in the air
 R_STOP = 13  # (3,) -1 or +1 where rocker, left, right bogie lie on their low or high stop
 R_SIZE = 16
-
-
-@njit
-def centre_of_mass(rover: Array, feet: Array, q: Array, cy: float, sy: float, axes: Array, knees: Array, slope: Array) -> float:
-    """Height of the centre of mass over the body's origin, and its change (6,) per unit of each unknown."""
-    row = np.empty(6)
-    slope[:] = 0.0
-    total = height = 0.0
-    m, a, b, c = rover[P_BODY], rover[P_BODY + 1], rover[P_BODY + 2], rover[P_BODY + 3]
-    px = axes[0, 0] * a + axes[1, 0] * b + axes[2, 0] * c
-    py = axes[0, 1] * a + axes[1, 1] * b + axes[2, 1] * c
-    pz = axes[0, 2] * a + axes[1, 2] * b + axes[2, 2] * c
-    slope_row(rover, q, cy, sy, axes, knees, 0, px, py, pz, 0.0, 0.0, row)
-    total += m
-    height += m * pz
-    for k in range(3):
-        slope[k] += m * row[k]
-    qr, _ = right_rocker(rover, q[ROCKER])
-    for side in range(2):
-        arm = q[ROCKER] if side == 0 else qr
-        for part in range(5):  # rocker, bogie, and the three wheels of this side
-            i = 2 * (part - 2) + side if part >= 2 else (side if part == 0 else 2 + side)
-            at = P_ROCKER + 4 * side if part == 0 else (P_BOGIE + 4 * side if part == 1 else P_WHEEL + 4 * i)
-            m, a, b, c = rover[at], rover[at + 1], rover[at + 2], rover[at + 3]
-            if part >= 2:  # a wheel's mass hangs in its link as its hub does; steering turns its offset with it
-                cs, sn = feet[i, 3], feet[i, 4]
-                a, b = feet[i, 0] + cs * a - sn * b, feet[i, 1] + sn * a + cs * b
-                c += feet[i, 2]
-            angle = arm + q[4 + side] if i >= 2 else arm
-            base = 2 + side if i >= 2 else side
-            ct, st = math.cos(angle), math.sin(angle)
-            px = (
-                knees[base, 0]
-                + (axes[0, 0] * ct - axes[2, 0] * st) * a
-                + axes[1, 0] * b
-                + (axes[0, 0] * st + axes[2, 0] * ct) * c
-            )
-            py = (
-                knees[base, 1]
-                + (axes[0, 1] * ct - axes[2, 1] * st) * a
-                + axes[1, 1] * b
-                + (axes[0, 1] * st + axes[2, 1] * ct) * c
-            )
-            pz = (
-                knees[base, 2]
-                + (axes[0, 2] * ct - axes[2, 2] * st) * a
-                + axes[1, 2] * b
-                + (axes[0, 2] * st + axes[2, 2] * ct) * c
-            )
-            slope_row(rover, q, cy, sy, axes, knees, i, px, py, pz, 0.0, 0.0, row)
-            total += m
-            height += m * pz
-            for k in range(6):
-                slope[k] += m * row[k]
-    for k in range(6):
-        slope[k] /= total
-    return height / total
-
-
-@njit
-def touch_down(
-    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, full: bool, work: Work,
-    gap: Array, rows: Array, owner: NDArray[np.int64],
-) -> tuple[int, int]:  # fmt: skip
-    """Shift q's z so that the rover just touches, and list its near contacts: gap (ROWS,), rows (ROWS, 6), owner (ROWS,)
-    the wheel, or 6 for the belly. Only the shift when not `full`. Returns a code and how many."""
-    best, found, axes, knees, wheels = work.best, work.found, work.axes, work.knees, work.wheels
-    near = np.empty((NEAR_ROOM, NEAR_SIZE))
-    grid, _, meta = ground
-    if not stand(rover, work.feet, x, y, cy, sy, q, axes, knees, wheels):
-        return -1, 0
-    count = 0
-    least = math.inf
-    for i in range(6):
-        w = wheels[i]
-        code, kept = least_gap(ground, w, 0.0, 1.0, 0.0, True, -math.inf, best, work.none, work)
-        if code != FOUND:
-            return code, 0
-        least = min(least, best[GAP])
-        if not full:
-            continue
-        low = best[GAP]
-        sine, cosine, place = best[SIN], best[COSINE], best[PLACE]
-        code, kept = least_gap(ground, w, sine, cosine, place, True, low + NEAR, best, found, work)
-        first = count
-        for k in range(-1, kept):
-            if k < 0:
-                g, sp, cp, s = low, sine, cosine, place
-            else:
-                g, sp, cp, s = found[k, GAP], found[k, SIN], found[k, COSINE], found[k, PLACE]
-                twin = (abs(sp - sine) + abs(cp - cosine)) * w[RADIUS] + abs(s - place) < 1e-6
-                if twin:
-                    continue
-            px, py, pz = tread_point(w, sp, cp, s)
-            gx, gy = contact_slope(grid, meta, w, sp, cp, s)
-            slope_row(rover, q, cy, sy, axes, knees, i, w[HX] - x + px, w[HY] - y + py, w[HZ] - q[Z] + pz, gx, gy, rows[count])
-            gap[count], owner[count] = g, i
-            same = False
-            for j in range(first, count):
-                alike = abs(gap[j] - g)
-                for e in range(6):
-                    alike += abs(rows[j, e] - rows[count, e])
-                same |= alike < 1e-9
-            if not same:
-                count += 1
-    n = box_over_ground(grid, meta, rover[P_BOX : P_BOX + 6], axes, x, y, q[Z], NEAR, near)
-    if n < 0:
-        return BLANK, 0
-    for k in range(n):
-        least = min(least, near[k, N_GAP])
-        if full:
-            slope_row(
-                rover,
-                q,
-                cy,
-                sy,
-                axes,
-                knees,
-                0,
-                near[k, N_X],
-                near[k, N_Y],
-                near[k, N_Z],
-                near[k, N_GX],
-                near[k, N_GY],
-                rows[count],
-            )
-            rows[count, 3:] = 0.0
-            gap[count], owner[count] = near[k, N_GAP], 6
-            count += 1
-    q[Z] -= least
-    for k in range(count):
-        gap[k] -= least
-    return FOUND, count
 
 
 @njit
@@ -221,7 +69,7 @@ def settle_equilibrium(
     n, b, force = np.empty((CONSTRAINTS, 6)), np.empty(CONSTRAINTS), np.zeros(CONSTRAINTS)
     slope, trial, d = np.empty(6), np.empty(6), np.empty(6)
     bend, inverse, copy = np.zeros((6, 6)), np.empty((6, 6)), np.empty((6, 6))
-    old_pull, pull, moved = np.empty(6), np.empty(6), np.empty(6)
+    old_pull, pull, moved, bearing = np.empty(6), np.empty(6), np.empty(6), np.empty(7)
     report[:] = math.nan
     # where six wheels touch within the stops, that is where to begin: most often it is the answer
     code = settle_contact(ground, rover, x, y, cy, sy, q, work)
@@ -229,6 +77,10 @@ def settle_equilibrium(
         return code
     if code != CONVERGED:
         start_pose(ground, rover, x, y, 0, q, work.touch)
+    elif six_touch(ground, rover, x, y, cy, sy, q, work, gap, rows, owner):
+        centre_of_mass(rover, feet, q, cy, sy, axes, knees, slope)
+        if bear(rover, q, slope, gap, rows, 6, inverse, n, b, d, force) < AT_REST:
+            return judge(rover, q, gap, owner, force, 6, report)
     code, count = touch_down(ground, rover, x, y, cy, sy, q, True, work, gap, rows, owner)
     if code != FOUND:
         q[:] = math.nan
@@ -238,6 +90,8 @@ def settle_equilibrium(
         bend[k, k] = 0.5
     trust = TRUST
     settled = False
+    cut_gap, cut_rows, cut_owner = np.empty(CUTS), np.empty((CUTS, 6)), np.empty(CUTS, np.int64)
+    listed, cuts, far = count, 0, 0.0
     for _ in range(MOST):
         m = count
         for k in range(count):
@@ -274,8 +128,13 @@ def settle_equilibrium(
             promise -= slope[k] * d[k]
             size = max(size, abs(d[k]))
         if promise < DONE and size < 1e-6:
-            settled = True
-            break
+            if cuts == 0 or far < 1e-6:
+                settled = True
+                break
+            # held by what was met further off: look again, nearer by
+            trust = 0.1 * min(trust, far)
+            count, cuts, far = listed, 0, 0.0
+            continue
         for k in range(6):
             trial[k] = q[k] + d[k]
         low_before = height
@@ -283,23 +142,43 @@ def settle_equilibrium(
             old_pull[k] = slope[k]
             for j in range(count):
                 old_pull[k] -= force[j] * rows[j, k]
+        for j in range(7):
+            bearing[j] = 0.0
+        for j in range(count):
+            bearing[owner[j]] += force[j]
         code, _ = touch_down(ground, rover, x, y, cy, sy, trial, False, work, gap, rows, owner)
         if code == FOUND:
             new = trial[Z] + centre_of_mass(rover, feet, trial, cy, sy, axes, knees, pull)
         if code != FOUND or not new < low_before - 1e-4 * promise + 1e-15:
-            trust = 0.25 * min(trust, size)
-            if trust < 1e-10:
-                settled = promise < 1e-8
-                break
+            before = cuts
+            if code == FOUND:  # what it ran into joins the programme: past a kink another slope of the same wheel holds it
+                lift = q[Z] + d[Z] - trial[Z]
+                _, m = touch_down(ground, rover, x, y, cy, sy, trial, True, work, gap, rows, owner)
+                for k in range(m):
+                    if gap[k] + lift < -0.1 * promise and cuts < CUTS:
+                        cut_gap[cuts] = gap[k] + lift
+                        for j in range(6):
+                            cut_gap[cuts] -= rows[k, j] * d[j]
+                            cut_rows[cuts, j] = rows[k, j]
+                        cut_gap[cuts] = max(cut_gap[cuts], 0.0)
+                        cut_owner[cuts] = owner[k]
+                        cuts += 1
+            far = max(far, size)
+            if before > 0 or cuts == 0:
+                trust = 0.25 * min(trust, size)
             # the pose stands as it was: list its contacts anew
             code, count = touch_down(ground, rover, x, y, cy, sy, q, True, work, gap, rows, owner)
             height = q[Z] + centre_of_mass(rover, feet, q, cy, sy, axes, knees, slope)
+            listed = count
+            for k in range(cuts):
+                gap[count], rows[count], owner[count] = cut_gap[k], cut_rows[k], cut_owner[k]
+                count += 1
+            if trust < 1e-10:
+                settled = True
+                break
             continue
         if low_before - new > 0.5 * promise and size > 0.9 * trust:
             trust = min(2.0 * trust, WIDEST)
-        bearing = np.zeros(7)
-        for j in range(count):
-            bearing[owner[j]] += force[j]
         for k in range(6):
             moved[k] = trial[k] - q[k]
             q[k] = trial[k]
@@ -308,6 +187,7 @@ def settle_equilibrium(
             return TIPPED
         code, count = touch_down(ground, rover, x, y, cy, sy, q, True, work, gap, rows, owner)
         height = q[Z] + centre_of_mass(rover, feet, q, cy, sy, axes, knees, slope)
+        listed, cuts, far = count, 0, 0.0
         for k in range(6):
             pull[k] = slope[k]
         for i in range(7):  # each bearer's lowest contact carries its force on
@@ -319,10 +199,64 @@ def settle_equilibrium(
                 for k in range(6):
                     pull[k] -= bearing[i] * rows[first, k]
         learn(bend, moved, pull, old_pull)
-    if not settled:
+    for k in range(3):  # a joint that all but lies on its stop does
+        for end in range(2):
+            stop = rover[(P_STOPS if k == 0 else P_STOPS + 2) + end]
+            if abs(q[ROCKER + k] - stop) < ON_STOP:
+                q[ROCKER + k] = stop
+    if not (settled and bear(rover, q, slope, gap, rows, count, inverse, n, b, d, force) < STILL):
         q[:] = math.nan
         return NOT_CONVERGED
     return judge(rover, q, gap, owner, force, count, report)
+
+
+@njit
+def bear(
+    rover: Array,
+    q: Array,
+    slope: Array,
+    gap: Array,
+    rows: Array,
+    count: int,
+    inverse: Array,
+    n: Array,
+    b: Array,
+    d: Array,
+    force: Array,
+) -> float:
+    """Fill force (count,) with what each touching place bears, no less than nought, so that together with the stops they
+    hold the rover best. Returns by how much they fail to: the steepest way down left open, 0 where the rover rests."""
+    m = 0
+    for k in range(count):
+        if gap[k] <= TOUCH:
+            n[m], b[m] = rows[k], 0.0
+            m += 1
+    for k in range(3):
+        for end in range(2):
+            sign = 1.0 if end == 0 else -1.0
+            if sign * (q[ROCKER + k] - rover[(P_STOPS if k == 0 else P_STOPS + 2) + end]) <= 0.0:
+                n[m], b[m] = 0.0, 0.0
+                n[m, ROCKER + k] = sign
+                m += 1
+    for i in range(6):
+        for j in range(6):
+            inverse[i, j] = 1.0 if i == j else 0.0
+    if not solve_qp(inverse, slope, n, b, m, d, force):
+        return math.inf
+    m = 0
+    for k in range(count):
+        if gap[k] <= TOUCH:
+            m += 1
+    for k in range(count - 1, -1, -1):
+        if gap[k] <= TOUCH:
+            m -= 1
+            force[k] = force[m]
+        else:
+            force[k] = 0.0
+    left = 0.0
+    for k in range(6):
+        left = max(left, abs(d[k]))
+    return left
 
 
 @njit

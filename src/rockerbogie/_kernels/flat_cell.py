@@ -177,12 +177,12 @@ def _arc(
     """The least place of a piece of the rim from (ls, lc) to (rs, rc), φ growing."""
     fl, gl, _ = _along(w, c, s, ls, lc)
     if gl >= 0.0:
-        count = note(best, fl, ls, lc, s, keep, found, count)
+        count = note(w, best, fl, ls, lc, s, keep, found, count)
         if hollow:
             return count
     fr, gr, _ = _along(w, c, s, rs, rc)
     if gr <= 0.0:
-        return note(best, fr, rs, rc, s, keep, found, count)
+        return note(w, best, fr, rs, rc, s, keep, found, count)
     if gl >= 0.0:
         return count
     reach = w[RADIUS] * (rs - ls)
@@ -214,7 +214,7 @@ def _arc(
             if abs(rs - ls) + abs(rc - lc) < 1e-14:
                 break
         sine, cosine = ns, nc
-    return note(best, f, sine, cosine, s, keep, found, count)
+    return note(w, best, f, sine, cosine, s, keep, found, count)
 
 
 @njit
@@ -245,7 +245,7 @@ def _inside_tread(w: Array, sign: float, x: float, y: float, h: float, best: Arr
         q = sign * math.sqrt(square)
         s = (v - q * w[AZ]) / w[COS]
         if abs(s) <= w[HALF]:
-            return note(best, w[HZ] + v * w[TAN] - q / w[COS] - h, u / r, q / r, s, keep, found, count)
+            return note(w, best, w[HZ] + v * w[TAN] - q / w[COS] - h, u / r, q / r, s, keep, found, count)
     return count
 
 

@@ -81,16 +81,40 @@ def gap_at(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s: fl
 
 
 @inlined
-def note(best: Array, gap: float, sine: float, cosine: float, s: float, keep: float, found: Array, count: int) -> int:
+def note(w: Array, best: Array, gap: float, sine: float, cosine: float, s: float, keep: float, found: Array, count: int) -> int:
     """Hold a place as the best if it is, and keep it if its gap is below `keep`. Returns how many are kept."""
     # a contact does not jump between places that tie but for rounding; one right beside the best is the same, found better
     beside = abs(sine - best[SIN]) + abs(cosine - best[COSINE]) < BESIDE and s == best[PLACE]
     if gap < best[GAP] - TIE or (beside and gap < best[GAP] + TIE):
         best[GAP], best[SIN], best[COSINE], best[PLACE] = gap, sine, cosine, s
-    if gap <= keep and count < found.shape[0]:
-        found[count, GAP], found[count, SIN], found[count, COSINE], found[count, PLACE] = gap, sine, cosine, s
-        count += 1
+    if gap <= keep and found.shape[0] > 0:
+        spot = count if count < found.shape[0] else dispensable(w, found, gap, sine, cosine, s)
+        if spot >= 0:
+            found[spot, GAP], found[spot, SIN], found[spot, COSINE], found[spot, PLACE] = gap, sine, cosine, s
+        count = min(count + 1, found.shape[0])
     return count
+
+
+@njit
+def dispensable(w: Array, found: Array, gap: float, sine: float, cosine: float, s: float) -> int:
+    """Which of the places found makes room for one more: of the two that lie closest to each other, the higher. -1 if that
+    is the new one."""
+    n = found.shape[0]
+    r = w[RADIUS]
+    closest, spot = math.inf, -1
+    for i in range(n):
+        apart = r * (abs(found[i, SIN] - sine) + abs(found[i, COSINE] - cosine)) + abs(found[i, PLACE] - s)
+        if apart < closest:
+            closest, spot = apart, (i if found[i, GAP] > gap else -1)
+    if closest < 0.1 * r:  # two of one neighbourhood: which are the closest of all is no matter
+        return spot
+    for i in range(n):
+        for j in range(i):
+            apart = r * (abs(found[i, SIN] - found[j, SIN]) + abs(found[i, COSINE] - found[j, COSINE]))
+            apart += abs(found[i, PLACE] - found[j, PLACE])
+            if apart < closest:
+                closest, spot = apart, (i if found[i, GAP] > found[j, GAP] else j)
+    return spot
 
 
 @njit

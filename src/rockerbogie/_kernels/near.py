@@ -1,0 +1,116 @@
+"""All places where a rover is near its ground: of every wheel, and of the belly."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .jit import njit
+from .linkage import P_BOX, Z, slope_row, stand
+from .tread import BLANK, FOUND, ROOM, Ground, least_gap
+from .underside import N_GAP, N_GX, N_GY, N_X, N_Y, N_Z, NEAR_ROOM, NEAR_SIZE, box_over_ground
+from .wheel import COSINE, GAP, HX, HY, HZ, PLACE, RADIUS, SIN, contact_slope, tread_point
+from .work import Work
+
+Array = NDArray[np.float64]
+
+TOUCH = 1e-6  # a gap below this is contact, m
+NEAR = 0.04  # places whose gap exceeds a wheel's least by up to this are listed, m
+LISTED = 6 * (ROOM + 1) + NEAR_ROOM  # how many there may be
+
+
+@njit
+def touch_down(
+    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, full: bool, work: Work,
+    gap: Array, rows: Array, owner: NDArray[np.int64],
+) -> tuple[int, int]:  # fmt: skip
+    """Shift q's z so that the rover just touches, and list its near contacts: gap (n,), rows (n, 6), owner (n,) for
+    n = LISTED: the wheel, or 6 for the belly. Only the shift when not `full`. Returns a code and how many."""
+    best, found, axes, knees, wheels = work.best, work.found, work.axes, work.knees, work.wheels
+    near = np.empty((NEAR_ROOM, NEAR_SIZE))
+    grid, _, meta = ground
+    if not stand(rover, work.feet, x, y, cy, sy, q, axes, knees, wheels):
+        return -1, 0
+    count = 0
+    least = math.inf
+    for i in range(6):
+        w = wheels[i]
+        code, kept = least_gap(ground, w, 0.0, 1.0, 0.0, True, -math.inf, best, work.none, work)
+        if code != FOUND:
+            return code, 0
+        least = min(least, best[GAP])
+        if not full:
+            continue
+        low = best[GAP]
+        sine, cosine, place = best[SIN], best[COSINE], best[PLACE]
+        code, kept = least_gap(ground, w, sine, cosine, place, True, low + NEAR, best, found, work)
+        first = count
+        for k in range(-1, kept):
+            if k < 0:
+                g, sp, cp, s = low, sine, cosine, place
+            else:
+                g, sp, cp, s = found[k, GAP], found[k, SIN], found[k, COSINE], found[k, PLACE]
+                twin = (abs(sp - sine) + abs(cp - cosine)) * w[RADIUS] + abs(s - place) < 1e-6
+                if twin:
+                    continue
+            px, py, pz = tread_point(w, sp, cp, s)
+            gx, gy = contact_slope(grid, meta, w, sp, cp, s)
+            slope_row(rover, q, cy, sy, axes, knees, i, w[HX] - x + px, w[HY] - y + py, w[HZ] - q[Z] + pz, gx, gy, rows[count])
+            gap[count], owner[count] = g, i
+            same = False
+            for j in range(first, count):
+                alike = abs(gap[j] - g)
+                for e in range(6):
+                    alike += abs(rows[j, e] - rows[count, e])
+                same |= alike < 1e-9
+            if not same:
+                count += 1
+    n = box_over_ground(grid, meta, rover[P_BOX : P_BOX + 6], axes, x, y, q[Z], NEAR, near)
+    if n < 0:
+        return BLANK, 0
+    for k in range(n):
+        least = min(least, near[k, N_GAP])
+        if full:
+            slope_row(
+                rover,
+                q,
+                cy,
+                sy,
+                axes,
+                knees,
+                0,
+                near[k, N_X],
+                near[k, N_Y],
+                near[k, N_Z],
+                near[k, N_GX],
+                near[k, N_GY],
+                rows[count],
+            )
+            rows[count, 3:] = 0.0
+            gap[count], owner[count] = near[k, N_GAP], 6
+            count += 1
+    q[Z] -= least
+    for k in range(count):
+        gap[k] -= least
+    return FOUND, count
+
+
+@njit
+def six_touch(
+    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, work: Work,
+    gap: Array, rows: Array, owner: NDArray[np.int64],
+) -> bool:  # fmt: skip
+    """List the six contacts that `settle_contact` left, as `touch_down` does; false if the belly is in the ground."""
+    grid, _, meta = ground
+    axes, knees, wheels = work.axes, work.knees, work.wheels
+    stand(rover, work.feet, x, y, cy, sy, q, axes, knees, wheels)
+    for i in range(6):
+        w, t = wheels[i], work.touch[i]
+        px, py, pz = tread_point(w, t[SIN], t[COSINE], t[PLACE])
+        gx, gy = contact_slope(grid, meta, w, t[SIN], t[COSINE], t[PLACE])
+        slope_row(rover, q, cy, sy, axes, knees, i, w[HX] - x + px, w[HY] - y + py, w[HZ] - q[Z] + pz, gx, gy, rows[i])
+        gap[i], owner[i] = t[GAP], i
+    near = np.empty((1, NEAR_SIZE))
+    return box_over_ground(grid, meta, rover[P_BOX : P_BOX + 6], axes, x, y, q[Z], 0.0, near) > 0 and near[0, N_GAP] > TOUCH
