@@ -48,8 +48,10 @@ BENDS_SIZE = 10
 
 
 @njit
-def _bends(grid: Array, i: int, j: int, dx: float, dy: float, bends: Array) -> None:
-    """Fill bends (BENDS_SIZE,) for the cell: a spline's derivative lies within the differences of its coefficients."""
+def cell_bends(grid: Array, i: int, j: int, dx: float, dy: float, bends: Array) -> bool:
+    """Fill bends (BENDS_SIZE,) for the cell: a spline's derivative lies within the differences of its coefficients. False
+    where one of these is not known."""
+    total = 0.0
     for k in range(3):
         bends[2 * k], bends[2 * k + 1] = math.inf, -math.inf
     bends[XXX:] = 0.0
@@ -57,6 +59,7 @@ def _bends(grid: Array, i: int, j: int, dx: float, dy: float, bends: Array) -> N
         for n in range(4):
             row, col = j + m, i + n
             c = grid[row, col]
+            total += c
             if n < 2:
                 second = c - 2.0 * grid[row, col + 1] + grid[row, col + 2]
                 bends[XX], bends[XX + 1] = min(bends[XX], second), max(bends[XX + 1], second)
@@ -88,6 +91,7 @@ def _bends(grid: Array, i: int, j: int, dx: float, dy: float, bends: Array) -> N
     bends[XXY] /= dx * dx * dy
     bends[XYY] /= dx * dy * dy
     bends[YYY] /= dy * dy * dy
+    return math.isfinite(total)
 
 
 @njit
@@ -96,11 +100,7 @@ def search_curved_cell(
     bends: Array, ends: Array, best: Array, keep: float, found: Array, count: int,
 ) -> int:  # fmt: skip
     """Note the local minima of the gap over the part x0..x1, y0..y1 (from the hub) of cell (i, j); -1 if it is unknown."""
-    _bends(grid, i, j, meta[META_DX], meta[META_DY], bends)
-    total = 0.0
-    for k in range(BENDS_SIZE):
-        total += bends[k]
-    if not math.isfinite(total):
+    if not cell_bends(grid, i, j, meta[META_DX], meta[META_DY], bends):
         return -1
     half = w[HALF]
     if half > 0.0:
