@@ -48,3 +48,11 @@ def test_one_version_everywhere() -> None:
     assert rb.__version__ == project["version"]
     assert f"\nversion: {rb.__version__}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert f"## [{rb.__version__}]" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+
+
+def test_the_page_of_status_codes_is_the_code_s_own() -> None:
+    from rockerbogie.status import MEANING
+
+    page = (Path(__file__).parents[1] / "docs" / "status.md").read_text()
+    for status, (what, remedy) in MEANING.items():
+        assert f"| {int(status)} | {status.name} | {what} | {remedy} |" in page
