@@ -146,13 +146,13 @@ def clearance_batch(
     ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, q: Array, out: Array, start: int, stop: int
 ) -> None:
     """Least height of the body's box over the ground (n,) at poses q (n, 6)."""
-    grid, _, meta = ground
+    meta = ground[2]
     for k in range(start, stop):
         axes, near = np.empty((3, 3)), np.empty((NEAR_ROOM, NEAR_SIZE))
         out[k] = math.nan
         if not math.isnan(q[k, Z]):
             body_axes(q[k, ROLL], q[k, PITCH], math.cos(yaw[k]), math.sin(yaw[k]), axes)
             px, py, pz = x[k] - meta[META_X], y[k] - meta[META_Y], q[k, Z] - meta[META_Z]
-            count = box_over_ground(grid, meta, rover[P_BOX : P_BOX + 6], axes, px, py, pz, 0.0, near)
+            count = box_over_ground(ground, rover[P_BOX : P_BOX + 6], axes, px, py, pz, 0.0, near)
             if count > 0:
                 out[k] = least_clearance(near, count)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from .jit import njit
 from .linkage import P_BOX, Z, slope_row, stand
-from .tread import BLANK, FOUND, ROOM, Ground, least_gap
+from .tread import FOUND, ROOM, Ground, least_gap
 from .underside import N_GAP, N_GX, N_GY, N_X, N_Y, N_Z, NEAR_ROOM, NEAR_SIZE, box_over_ground
 from .wheel import COSINE, GAP, HX, HY, HZ, PLACE, RADIUS, SIN, contact_slope, tread_point
 from .work import Work
@@ -67,9 +67,9 @@ def touch_down(
                 same |= alike < 1e-9
             if not same:
                 count += 1
-    n = box_over_ground(grid, meta, rover[P_BOX : P_BOX + 6], axes, x, y, q[Z], NEAR, near)
+    n = box_over_ground(ground, rover[P_BOX : P_BOX + 6], axes, x, y, q[Z], NEAR, near)
     if n < 0:
-        return BLANK, 0
+        return -n, 0
     for k in range(n):
         least = min(least, near[k, N_GAP])
         if full:
@@ -113,4 +113,4 @@ def six_touch(
         slope_row(rover, q, cy, sy, axes, knees, i, w[HX] - x + px, w[HY] - y + py, w[HZ] - q[Z] + pz, gx, gy, rows[i])
         gap[i], owner[i] = t[GAP], i
     near = np.empty((1, NEAR_SIZE))
-    return box_over_ground(grid, meta, rover[P_BOX : P_BOX + 6], axes, x, y, q[Z], 0.0, near) > 0 and near[0, N_GAP] > TOUCH
+    return box_over_ground(ground, rover[P_BOX : P_BOX + 6], axes, x, y, q[Z], 0.0, near) > 0 and near[0, N_GAP] > TOUCH

@@ -1,8 +1,9 @@
-"""How high the body's box stands over the ground.
+"""Where the body's box comes near the ground: its lower faces, and their edges and corners.
 
-The box's lower side is convex, so over bilinear ground it comes nearest over a ground node, or along one of its edges:
-nodes are looked at one by one, edges (and corners) at stations no more than half a cell apart. Over cubic ground the
-same places are taken.
+The box's lower side is convex and made of flat faces. Over bilinear ground it comes nearest over a ground node, or along
+one of its own edges, piece by piece between grid lines. Over cubic ground a face may also come nearest inside a cell:
+parts of the cell are quartered, and of an edge halved, until bounds on the spline's second and third derivatives prove
+that a part holds no such place, or one hollow, where Newton finds it.
 """
 
 from __future__ import annotations
@@ -12,8 +13,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .ground import META_DX, META_DY, META_NX, META_NY, on_map, surface
+from .curved_cell import BENDS_SIZE, XX, XXX, XXY, XY, XYY, YY, YYY, cell_bends
+from .ground import META_CUBIC, META_DX, META_DY, META_NX, META_NY, on_map, surface
 from .jit import njit
+from .tread import BLANK, OFF, Ground
 
 Array = NDArray[np.float64]
 
@@ -23,6 +26,7 @@ N_GAP, N_X, N_Y, N_Z, N_GX, N_GY = range(6)
 NEAR_SIZE = 6
 NEAR_ROOM = 12
 APART = 0.1  # places closer than this share of the box's length are one
+FINE = 1e-6  # of a cell: what is not decided by then is as near as makes no difference
 
 
 @njit
@@ -52,11 +56,20 @@ def _take(near: Array, count: int, apart: float, gap: float, x: float, y: float,
 
 
 @njit
-def box_over_ground(
-    grid: Array, meta: Array, box: Array, axes: Array, x: float, y: float, z: float, margin: float, near: Array
-) -> int:
-    """Fill `near` (NEAR_ROOM, NEAR_SIZE) with places lower than the lowest plus `margin`; returns how many, or -1 where
-    the map ends or the ground is unknown below the box. `axes` are the body's directions, (x, y, z) its origin."""
+def least_clearance(near: Array, count: int) -> float:
+    """The lowest of the places found."""
+    low = math.inf
+    for k in range(count):
+        low = min(low, near[k, N_GAP])
+    return low
+
+
+@njit
+def box_over_ground(ground: Ground, box: Array, axes: Array, x: float, y: float, z: float, margin: float, near: Array) -> int:
+    """Fill `near` (n, NEAR_SIZE) with the lowest place and others up to `margin` higher; returns how many, or -OFF or
+    -BLANK where the map ends or the ground is unknown below the box. `axes` are the body's directions, (x, y, z) its origin."""
+    grid, roof, meta = ground
+    bends = np.empty(BENDS_SIZE)
     low = np.empty(3)  # the box's lower corner in each of its own directions
     high = np.empty(3)
     size = 0.0
@@ -66,8 +79,6 @@ def box_over_ground(
         size = max(size, box[3 + k] - box[k])
     apart = APART * size
     dx, dy = meta[META_DX], meta[META_DY]
-    count = 0
-    lowest = math.inf
     x_min = y_min = math.inf
     x_max = y_max = -math.inf
     for corner in range(8):
@@ -78,32 +89,9 @@ def box_over_ground(
         oy = axes[0, 1] * a + axes[1, 1] * b + axes[2, 1] * c
         x_min, x_max, y_min, y_max = min(x_min, ox), max(x_max, ox), min(y_min, oy), max(y_max, oy)
     if not (on_map(meta, x + x_min, y + y_min) and on_map(meta, x + x_max, y + y_max)):
-        return -1
-    # ground nodes below each lower face
-    i0, i1 = int(math.ceil((x + x_min) / dx)), min(int(math.floor((x + x_max) / dx)), int(meta[META_NX]) - 1)
-    j0, j1 = int(math.ceil((y + y_min) / dy)), min(int(math.floor((y + y_max) / dy)), int(meta[META_NY]) - 1)
-    for face in range(3):
-        nz = axes[face, 2]
-        if abs(nz) < 1e-6:
-            continue
-        a, b = (face + 1) % 3, (face + 2) % 3
-        gx, gy = -axes[face, 0] / nz, -axes[face, 1] / nz
-        for j in range(j0, j1 + 1):
-            oy = j * dy - y
-            for i in range(i0, i1 + 1):
-                ox = i * dx - x
-                oz = (low[face] - axes[face, 0] * ox - axes[face, 1] * oy) / nz
-                pa = axes[a, 0] * ox + axes[a, 1] * oy + axes[a, 2] * oz
-                pb = axes[b, 0] * ox + axes[b, 1] * oy + axes[b, 2] * oz
-                if box[a] <= pa <= box[3 + a] and box[b] <= pb <= box[3 + b]:
-                    gap = z + oz - surface(grid, meta, x + ox, y + oy)[0]
-                    if math.isnan(gap):
-                        return -1
-                    if gap < lowest + margin:
-                        lowest = min(lowest, gap)
-                        count = _take(near, count, apart, gap, ox, oy, oz, gx, gy)
-    # the lower side's edges, station by station
-    for face in range(3):  # the edge's direction
+        return -OFF
+    count = 0
+    for face in range(3):  # the edges' direction; three of them are on the lower side
         a, b = (face + 1) % 3, (face + 2) % 3
         for end in range(3):
             pa = low[a] if end != 1 else high[a]
@@ -111,26 +99,243 @@ def box_over_ground(
             sx = axes[a, 0] * pa + axes[b, 0] * pb + axes[face, 0] * box[face]
             sy = axes[a, 1] * pa + axes[b, 1] * pb + axes[face, 1] * box[face]
             sz = axes[a, 2] * pa + axes[b, 2] * pb + axes[face, 2] * box[face]
-            length = box[3 + face] - box[face]
-            ex, ey, ez = axes[face, 0], axes[face, 1], axes[face, 2]
-            stations = int(math.ceil(length * max(abs(ex) / dx, abs(ey) / dy))) + 1
-            for k in range(2 * stations + 1):
-                t = length * k / (2.0 * stations)
-                ox, oy, oz = sx + t * ex, sy + t * ey, sz + t * ez
-                h, gx, gy, _, _, _ = surface(grid, meta, x + ox, y + oy)
-                gap = z + oz - h
-                if math.isnan(gap):
-                    return -1
-                if gap < lowest + margin:
-                    lowest = min(lowest, gap)
-                    count = _take(near, count, apart, gap, ox, oy, oz, gx, gy)
+            count = _edge(
+                grid, meta, bends, x, y, z, sx, sy, sz, axes[face], box[3 + face] - box[face], margin, apart, near, count
+            )
+            if count < 0:
+                return -BLANK
+    last_i, last_j = int(meta[META_NX]) - 2, int(meta[META_NY]) - 2
+    i0, i1 = min(int(math.floor((x + x_min) / dx)), last_i), min(int(math.floor((x + x_max) / dx)), last_i)
+    j0, j1 = min(int(math.floor((y + y_min) / dy)), last_j), min(int(math.floor((y + y_max) / dy)), last_j)
+    half_x, half_y = 0.5 * dx, 0.5 * dy
+    for face in range(3):
+        nz = axes[face, 2]
+        if abs(nz) < 1e-6:
+            continue
+        a, b = (face + 1) % 3, (face + 2) % 3
+        # over the offset (X, Y) from the body's origin the face's plane stands at c0 + gx X + gy Y, and is at (pa, pb) of the box
+        c0, gx, gy = low[face] / nz, -axes[face, 0] / nz, -axes[face, 1] / nz
+        ax, ay = axes[a, 0] + axes[a, 2] * gx, axes[a, 1] + axes[a, 2] * gy
+        bx, by = axes[b, 0] + axes[b, 2] * gx, axes[b, 1] + axes[b, 2] * gy
+        reach_a, reach_b = half_x * abs(ax) + half_y * abs(ay), half_x * abs(bx) + half_y * abs(by)
+        for j in range(j0, j1 + 1):
+            oy = (j + 0.5) * dy - y
+            for i in range(i0, i1 + 1):
+                ox = (i + 0.5) * dx - x
+                pa, pb = axes[a, 2] * c0 + ax * ox + ay * oy, axes[b, 2] * c0 + bx * ox + by * oy
+                outside_a = max(box[a] - pa, pa - box[3 + a]) > reach_a
+                if outside_a or max(box[b] - pb, pb - box[3 + b]) > reach_b:
+                    continue
+                level = z + c0 + gx * ox + gy * oy
+                r0, r1, r2, r3 = roof[j, i], roof[j, i + 1], roof[j + 1, i], roof[j + 1, i + 1]
+                ux, uy = gx * half_x, gy * half_y
+                room = level - max(max(r0 + ux + uy, r1 - ux + uy), max(r2 + ux - uy, r3 - ux - uy))
+                if not math.isfinite(room + r0 + r1 + r2 + r3):
+                    return -BLANK
+                if room > least_clearance(near, count) + margin:
+                    continue
+                if meta[META_CUBIC] != 0.0:
+                    if not cell_bends(grid, i, j, dx, dy, bends):
+                        return -BLANK
+                    count = _face_over_cell(
+                        grid, meta, bends, x, y, z, ox, oy, c0, gx, gy, box, a, b,
+                        axes[a, 2] * c0, ax, ay, axes[b, 2] * c0, bx, by, margin, apart, near, count,
+                    )  # fmt: skip
+                    continue
+                for corner in range(4):
+                    cx, cy = ox + (half_x if corner & 1 else -half_x), oy + (half_y if corner & 2 else -half_y)
+                    pa, pb = axes[a, 2] * c0 + ax * cx + ay * cy, axes[b, 2] * c0 + bx * cx + by * cy
+                    if box[a] <= pa <= box[3 + a] and box[b] <= pb <= box[3 + b]:
+                        oz = c0 + gx * cx + gy * cy
+                        gap = z + oz - grid[j + (corner >> 1), i + (corner & 1)]
+                        if gap <= least_clearance(near, count) + margin:
+                            count = _take(near, count, apart, gap, cx, cy, oz, gx, gy)
     return count
 
 
 @njit
-def least_clearance(near: Array, count: int) -> float:
-    """The lowest of the places found."""
-    low = math.inf
-    for k in range(count):
-        low = min(low, near[k, N_GAP])
-    return low
+def _edge(
+    grid: Array, meta: Array, bends: Array, x: float, y: float, z: float, sx: float, sy: float, sz: float, along: Array,
+    length: float, margin: float, apart: float, near: Array, count: int,
+) -> int:  # fmt: skip
+    """Where an edge of the box, from offset (sx, sy, sz) on, is near the ground: cell by cell. -1 where that is unknown."""
+    dx, dy = meta[META_DX], meta[META_DY]
+    ex, ey, ez = along[0], along[1], along[2]
+    t = 0.0
+    while t < length:
+        # the piece up to the next grid line: it is told from its middle which cell it is in
+        following = length
+        for axis in range(2):
+            e, at, step = (ex, x + sx + t * ex, dx) if axis == 0 else (ey, y + sy + t * ey, dy)
+            if abs(e) > 1e-12:
+                g = at / step
+                line = math.floor(g + 1e-9) + 1.0 if e > 0.0 else math.ceil(g - 1e-9) - 1.0
+                following = min(following, t + (line * step - at) / e)
+        if length - following < 1e-12 * length:
+            following = length
+        middle = 0.5 * (t + following)
+        i = min(max(int(math.floor((x + sx + middle * ex) / dx)), 0), int(meta[META_NX]) - 2)
+        j = min(max(int(math.floor((y + sy + middle * ey) / dy)), 0), int(meta[META_NY]) - 2)
+        if meta[META_CUBIC] != 0.0:
+            if not cell_bends(grid, i, j, dx, dy, bends):
+                return -1
+            twice = 2.0 * ex * ey
+            low = -(bends[XX + 1] * ex * ex + max(bends[XY] * twice, bends[XY + 1] * twice) + bends[YY + 1] * ey * ey)
+        else:
+            low = -2.0 * ex * ey * (grid[j, i] - grid[j, i + 1] - grid[j + 1, i] + grid[j + 1, i + 1]) / (dx * dy)
+        if not math.isfinite(low):
+            return -1
+        count = _piece(grid, meta, low, x, y, z, sx, sy, sz, ex, ey, ez, t, following, length, margin, apart, near, count)
+        t = following
+    return count
+
+
+@njit
+def _on_edge(
+    grid: Array, meta: Array, x: float, y: float, z: float, sx: float, sy: float, sz: float, ex: float, ey: float, ez: float,
+    t: float, inner: float,
+) -> tuple[float, float, float, float]:  # fmt: skip
+    """Height of the edge's point at t over the ground, its change along the edge, and the ground's slope: all of the cell
+    that the point at `inner` is in."""
+    h, gx, gy, _, _, _ = surface(grid, meta, x + sx + inner * ex, y + sy + inner * ey)
+    slope = ez - gx * ex - gy * ey
+    return z + sz + inner * ez - h + slope * (t - inner), slope, gx, gy
+
+
+@njit
+def _piece(
+    grid: Array, meta: Array, least_bend: float, x: float, y: float, z: float, sx: float, sy: float, sz: float,
+    ex: float, ey: float, ez: float, start: float, stop: float, length: float, margin: float, apart: float,
+    near: Array, count: int,
+) -> int:  # fmt: skip
+    """The low places of an edge's piece within one cell, along which the height over the ground bends by no less than
+    `least_bend`. Those at its ends are low places of the edge too, or its next piece goes on falling."""
+    hair = 1e-9 * (stop - start)
+    a, b = start, stop
+    fa, ga, ax, ay = _on_edge(grid, meta, x, y, z, sx, sy, sz, ex, ey, ez, a, a + hair)
+    while a < stop:
+        fb, gb, bx, by = _on_edge(grid, meta, x, y, z, sx, sy, sz, ex, ey, ez, b, b - hair)
+        span = b - a
+        slack = 0.5 * max(-least_bend, 0.0) * span
+        down, up = ga - slack, gb + slack
+        limit = least_clearance(near, count) + margin
+        t, f, gx, gy = a, fa, ax, ay
+        if down < 0.0 and up <= 0.0:
+            t, f, gx, gy = b, fb, bx, by
+        elif down < 0.0:
+            if fa + down * (fb - fa - up * span) / (down - up) > limit:
+                f = math.inf
+            elif least_bend > 0.0 or span < FINE * length:
+                left, right = a, b
+                for _ in range(60):
+                    t = 0.5 * (left + right) if gb == ga else left - ga * (right - left) / (gb - ga)
+                    if not left < t < right:
+                        t = 0.5 * (left + right)
+                    f, g, gx, gy = _on_edge(grid, meta, x, y, z, sx, sy, sz, ex, ey, ez, t, t)
+                    if abs(g) < 1e-10 or right - left < 1e-12 * length:
+                        break
+                    if g < 0.0:
+                        left, ga = t, g
+                        gb *= 0.5  # Illinois: the end that stays counts for less
+                    else:
+                        right, gb = t, g
+                        ga *= 0.5
+            else:
+                b = 0.5 * (a + b)
+                continue
+        if f <= limit:
+            if t in (start, stop) and 0.0 < t < length:
+                gx, gy = _across_line(grid, meta, x, y, sx, sy, ex, ey, ez, t, 1e-9 * length)
+            count = _take(near, count, apart, f, sx + t * ex, sy + t * ey, sz + t * ez, gx, gy)
+        fa, ga, ax, ay = _on_edge(grid, meta, x, y, z, sx, sy, sz, ex, ey, ez, b, min(b + hair, stop))
+        a = b
+        b = min(a + 2.0 * span, stop)
+    return count
+
+
+@njit
+def _across_line(
+    grid: Array, meta: Array, x: float, y: float, sx: float, sy: float, ex: float, ey: float, ez: float, t: float, step: float
+) -> tuple[float, float]:
+    """The slope of the contact where an edge crosses a grid line: of what lies between the ground's two, the one level
+    along the edge; or the lower side's, if there is none."""
+    _, ax, ay, _, _, _ = surface(grid, meta, x + sx + (t - step) * ex, y + sy + (t - step) * ey)
+    _, bx, by, _, _, _ = surface(grid, meta, x + sx + (t + step) * ex, y + sy + (t + step) * ey)
+    ga, gb = ez - ax * ex - ay * ey, ez - bx * ex - by * ey
+    part = ga / (ga - gb) if abs(ga - gb) > 1e-9 else 0.5
+    part = min(max(part, 0.0), 1.0)
+    return ax + part * (bx - ax), ay + part * (by - ay)
+
+
+@njit
+def _face_over_cell(
+    grid: Array, meta: Array, bends: Array, x: float, y: float, z: float, xm: float, ym: float, c0: float, gx: float, gy: float,
+    box: Array, a: int, b: int, a0: float, ax: float, ay: float, b0: float, bx: float, by: float,
+    margin: float, apart: float, near: Array, count: int,
+) -> int:  # fmt: skip
+    """The low places of a face over a cubic cell about the offset (xm, ym): where the ground is a hill, level with the face."""
+    half_x, half_y = 0.5 * meta[META_DX], 0.5 * meta[META_DY]
+    if bends[XX] > -1e-12 or bends[YY] > -1e-12:
+        return count
+    level, i, j = 0, 0, 0
+    rx, ry = half_x, half_y
+    while True:
+        ox, oy = xm - half_x + (2 * i + 1) * rx, ym - half_y + (2 * j + 1) * ry
+        split = False
+        pa, pb = a0 + ax * ox + ay * oy, b0 + bx * ox + by * oy
+        outside_a = max(box[a] - pa, pa - box[3 + a]) > rx * abs(ax) + ry * abs(ay)
+        if not (outside_a or max(box[b] - pb, pb - box[3 + b]) > rx * abs(bx) + ry * abs(by)):
+            h, hx, hy, hxx, hxy, hyy = surface(grid, meta, x + ox, y + oy)
+            dxx, dxy = bends[XXX] * rx + bends[XXY] * ry, bends[XXY] * rx + bends[XYY] * ry
+            dyy = bends[XYY] * rx + bends[YYY] * ry
+            fx, fy = gx - hx, gy - hy
+            turn_x, turn_y = (abs(hxx) + dxx) * rx + (abs(hxy) + dxy) * ry, (abs(hxy) + dxy) * rx + (abs(hyy) + dyy) * ry
+            hill = hxx - dxx < 0.0 and hyy - dyy < 0.0
+            if hill and abs(fx) <= turn_x and abs(fy) <= turn_y:
+                bent = 0.5 * max(hxx + dxx, 0.0) * rx * rx + (abs(hxy) + dxy) * rx * ry + 0.5 * max(hyy + dyy, 0.0) * ry * ry
+                limit = least_clearance(near, count) + margin
+                if z + c0 + gx * ox + gy * oy - h - abs(fx) * rx - abs(fy) * ry - bent <= limit:
+                    xx, yy, xy = -hxx - dxx, -hyy - dyy, abs(hxy) + dxy
+                    if (xx > 0.0 and yy > 0.0 and xx * yy > xy * xy) or rx < FINE * half_x:
+                        px, py = _hill(grid, meta, x, y, gx, gy, ox, oy, rx, ry)
+                        pa, pb = a0 + ax * px + ay * py, b0 + bx * px + by * py
+                        if box[a] <= pa <= box[3 + a] and box[b] <= pb <= box[3 + b]:
+                            oz = c0 + gx * px + gy * py
+                            gap = z + oz - surface(grid, meta, x + px, y + py)[0]
+                            if gap <= limit:
+                                count = _take(near, count, apart, gap, px, py, oz, gx, gy)
+                    else:
+                        split = True
+        if split:
+            level, i, j = level + 1, 2 * i, 2 * j
+            rx, ry = 0.5 * rx, 0.5 * ry
+            continue
+        while level > 0 and i % 2 == 1 and j % 2 == 1:  # the last quarter: back to the whole
+            level, i, j = level - 1, i // 2, j // 2
+            rx, ry = 2.0 * rx, 2.0 * ry
+        if level == 0:
+            return count
+        if i % 2 == 0:
+            i += 1
+        else:
+            i, j = i - 1, j + 1
+
+
+@njit
+def _hill(
+    grid: Array, meta: Array, x: float, y: float, gx: float, gy: float, xm: float, ym: float, rx: float, ry: float
+) -> tuple[float, float]:
+    """Where the ground within rx, ry of the offset (xm, ym) is level with a plane of slope (gx, gy): Newton, kept inside."""
+    ox, oy = xm, ym
+    for _ in range(40):
+        _, hx, hy, hxx, hxy, hyy = surface(grid, meta, x + ox, y + oy)
+        det = hxx * hyy - hxy * hxy
+        if not det > 0.0:
+            break
+        step_x, step_y = ((gx - hx) * hyy - (gy - hy) * hxy) / det, ((gy - hy) * hxx - (gx - hx) * hxy) / det
+        new_x, new_y = min(max(ox + step_x, xm - rx), xm + rx), min(max(oy + step_y, ym - ry), ym + ry)
+        moved = abs(new_x - ox) + abs(new_y - oy)
+        ox, oy = new_x, new_y
+        if moved < 1e-12:
+            break
+    return ox, oy
