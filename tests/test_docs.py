@@ -51,7 +51,6 @@ def test_one_version_everywhere() -> None:
 
 
 def test_the_page_of_status_codes_is_the_code_s_own() -> None:
-
     page = (Path(__file__).parents[1] / "docs" / "status.md").read_text()
     for status, (what, remedy) in MEANING.items():
         assert f"| {int(status)} | {status.name} | {what} | {remedy} |" in page
