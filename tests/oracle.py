@@ -212,7 +212,7 @@ def stand(rover: Rover, x: ArrayLike, y: ArrayLike, yaw: ArrayLike, q: ArrayLike
 
 
 def box(rover: Rover, x: ArrayLike, y: ArrayLike, yaw: ArrayLike, q: ArrayLike) -> Faces:
-    """The body box's faces (6 n) at poses (n,)."""
+    """The lower three faces of the body's box (3 n) at poses (n,): above each of its points there is only more box."""
     parts = stance(rover, x, y, yaw, q)
     axes = parts.turn[0].as_matrix()
     low, high = rover.body_box
@@ -220,22 +220,10 @@ def box(rover: Rover, x: ArrayLike, y: ArrayLike, yaw: ArrayLike, q: ArrayLike) 
     faces = []
     for axis in range(3):
         one, two = (axis + 1) % 3, (axis + 2) % 3
-        for end in (low, high):
-            spot = middle.copy()
-            spot[axis] = end[axis]
-            full = np.ones(len(axes))
-            faces.append(
-                (
-                    parts.place(0, spot),
-                    axes[:, :, one],
-                    axes[:, :, two],
-                    axes[:, :, axis],
-                    0 * full,
-                    size[two] * full,
-                    size[one] * full,
-                )
-            )
-    return Faces(*(np.stack(a, axis=1).reshape(len(axes) * 6, *a[0].shape[1:]) for a in zip(*faces, strict=True)))
+        down = -np.where(axes[:, 2, axis] > 0, size[axis], -size[axis])[:, None] * axes[:, :, axis]
+        lengths = np.tile([0.0, size[two], size[one]], (len(axes), 1))
+        faces.append((parts.place(0, middle) + down, axes[:, :, one], axes[:, :, two], axes[:, :, axis], *lengths.T))
+    return Faces(*(np.stack(a, axis=1).reshape(len(axes) * 3, *a[0].shape[1:]) for a in zip(*faces, strict=True)))
 
 
 def mass_height(rover: Rover, parts: Stance) -> Array:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 import oracle
 import rockerbogie as rb
 from conftest import DATA
+
+Array = NDArray[np.float64]
 
 ROVERS = ("elhami-dashti", "perseverance", "rocky7")
 #: No tread point further under the ground than this, and each touching wheel within it, m.
@@ -46,7 +48,7 @@ def grounds(seed: int = 0) -> dict[str, Callable[[], rb.Terrain]]:
     return found
 
 
-def draw(terrain: rb.Terrain, rover: rb.Rover, count: int, seed: int) -> tuple[NDArray[np.float64], ...]:
+def draw(terrain: rb.Terrain, rover: rb.Rover, count: int, seed: int) -> tuple[Array, ...]:
     """x, y, yaw (count,) anywhere that keeps the rover on the map."""
     rng = np.random.default_rng(seed)
     reach = np.hypot(*np.abs(rover.hubs[:, :2]).max(axis=0)) + 2 * rover.wheel_radius.max()
@@ -63,7 +65,7 @@ class Proof:
     """What became of a batch: how many got each status, and the oracle's gaps (n, 6) of those that settled."""
 
     status: NDArray[np.int64]
-    gap: NDArray[np.float64]
+    gap: Array
     worst: float  # m, furthest from touching, bracket included
 
     @property
@@ -87,9 +89,78 @@ def prove(pose: rb.Pose) -> Proof:
     return Proof(status, gap, worst)
 
 
+@dataclass
+class RestProof:
+    """What became of a batch at rest: how many got each status, and what is wrong with each pose that was given, if anything."""
+
+    status: NDArray[np.int64]
+    wrong: list[str]
+    deepest: float  # m, the lowest gap of a wheel or the belly, bracket included
+
+
+def prove_rest(pose: rb.Pose, tries: int = 40, seed: int = 0) -> RestProof:
+    """Every pose of a batch (n,) let down in equilibrium mode, held against the definitions.
+
+    Nothing is in the ground; what is said to touch does; joints lie within their stops; the forces push, bear the weight and
+    pass through what touches; and no small change of the angles, within the stops and let down again, lies lower.
+    """
+    rover, ground = pose.rover, oracle.Ground.of(pose.terrain)
+    at = np.flatnonzero(np.isfinite(pose.z))
+    x, y, yaw, q, steering = (a[at] for a in (pose.x, pose.y, pose.yaw, pose.q, pose.steering))
+    wheel, belly, height = let_down(rover, ground, x, y, yaw, q, steering, np.ones(len(at), dtype=bool))
+    lowest = np.minimum(wheel.min(axis=1), belly)
+    low, high = np.array([rover.rocker_limits, rover.bogie_limits, rover.bogie_limits]).T
+    weight = rover.mass * 9.80665
+    share, borne = pose.support[at] / weight, pose.belly_support[at] / weight
+    lifted, on_belly = pose.wheel_lifted[at], pose.status[at] == rb.Status.BELLY_CONTACT
+    clear, close = 1.1 * TOLERANCE, 0.9 * TOLERANCE  # between the two either may be said
+    checks = {
+        "in the ground": lowest - SLACK < -TOLERANCE,
+        "in the air": lowest > TOLERANCE,
+        "a wheel said to touch does not": (~lifted & (wheel > clear)).any(axis=1),
+        "a wheel said to hang touches": (lifted & (wheel < close)).any(axis=1),
+        "its belly does not rest as said": (on_belly & (belly > clear)) | (~on_belly & (belly < close)),
+        "beyond a stop": ((q[:, 3:] < low - 1e-9) | (q[:, 3:] > high + 1e-9)).any(axis=1),
+        "something pulls": (share < 0).any(axis=1) | (borne < 0),
+        "the weight is not borne": abs(share.sum(axis=1) + borne - 1) > 1e-6,
+        "borne by what does not touch": ((share > 0) & (wheel > clear)).any(axis=1) | ((borne > 0) & (belly > clear)),
+    }
+    rng = np.random.default_rng(seed)
+    size = rover.wheelbase
+    for step in (1e-4, 3e-3):
+        away = rng.normal(size=(len(at), tries, 5))
+        away *= step / np.linalg.norm(away, axis=-1, keepdims=True)
+        moved = np.repeat(q[:, None], tries, axis=1)
+        moved[..., 1:] += away
+        moved[..., 3:] = np.clip(moved[..., 3:], low, high)
+        many = [np.repeat(a, tries, axis=0) for a in (x, y, yaw, steering)]
+        near = np.repeat(belly < 0.1 * size, tries)
+        level = let_down(rover, ground, *many[:3], moved.reshape(-1, 6), many[3], near)[2].reshape(-1, tries)
+        checks[f"lies lower {step:g} rad away"] = level.min(axis=1, initial=np.inf) < height - 1e-5 * step * size - 2 * SLACK
+    wrong = []
+    for what, bad in checks.items():
+        wrong += [f"pose {at[k]} ({rb.Status(pose.status[at[k]]).name}): {what}" for k in np.flatnonzero(bad)]
+    return RestProof(np.bincount(pose.status, minlength=len(rb.Status)), wrong, float(lowest.min(initial=np.inf) - SLACK))
+
+
+def let_down(
+    rover: rb.Rover, ground: oracle.Ground, x: Array, y: Array, yaw: Array, q: Array, steering: Array, near: NDArray[np.bool_]
+) -> tuple[Array, Array, Array]:
+    """Gaps (n, 6) and the belly's (n,) at poses q (n, 6), and how high (n,) the mass is once z is such that the rover just
+    touches. Where not `near` the belly is out of the question: inf."""
+    wheel = oracle.least_gap(ground, oracle.stand(rover, x, y, yaw, q, steering), SLACK).gap.reshape(-1, 6)
+    belly = np.full(len(q), np.inf)
+    if near.any():
+        faces = oracle.box(rover, x[near], y[near], yaw[near], q[near])
+        belly[near] = oracle.least_gap(ground, faces, SLACK).gap.reshape(-1, 3).min(axis=1)
+    height = oracle.mass_height(rover, oracle.stance(rover, x, y, yaw, q, steering))
+    return wheel, belly, height - np.minimum(wheel.min(axis=1), belly)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--poses", type=int, default=10_000)
+    parser.add_argument("--mode", choices=("contact", "equilibrium"), default="contact")
     parser.add_argument("--rover", choices=ROVERS, action="append")
     parser.add_argument("--ground", action="append", help="part of a ground's name")
     given = parser.parse_args()
@@ -101,17 +172,25 @@ def main() -> None:
             rover = rb.load_rover(which)
             place = draw(terrain, rover, given.poses, 1)
             began = time.perf_counter()
-            pose = rb.settle(rover, terrain, *place)
-            took = time.perf_counter() - began
-            proof = prove(pose)
-            known = proof.status.sum() - proof.status[rb.Status.NO_DATA]
-            settled = proof.status[list(TOUCHING)].sum()
-            rest = ", ".join(f"{n} {rb.Status(k).name}" for k, n in enumerate(proof.status) if k and n)
-            print(
-                f"{name:20} {which:14} {100 * settled / known:7.3f} % settled, worst gap {proof.worst:.2e} m, "
-                f"{proof.failed} wrong, {1e6 * took / given.poses:.1f} µs a pose  {rest}",
-                flush=True,
-            )
+            pose = rb.settle(rover, terrain, *place, mode=given.mode)
+            took = 1e6 * (time.perf_counter() - began) / given.poses
+            counts = np.bincount(pose.status, minlength=len(rb.Status))
+            told = ", ".join(f"{n} {rb.Status(k).name}" for k, n in enumerate(counts) if n)
+            if given.mode == "contact":
+                proof = prove(pose)
+                settled, said = len(proof.gap), f"worst gap {proof.worst:.2e} m, {proof.failed} wrong"
+            else:
+                parts = [rest_of(pose, slice(k, k + CHUNK)) for k in range(0, given.poses, CHUNK)]
+                settled, wrong = np.isfinite(pose.z).sum(), [line for part in parts for line in part.wrong]
+                said = f"deepest {min(part.deepest for part in parts):.2e} m, {len(wrong)} wrong {wrong[:3]}"
+            share = 100 * settled / (counts.sum() - counts[rb.Status.NO_DATA])
+            print(f"{name:20} {which:14} {share:7.3f} % settled, {said}, {took:.1f} µs a pose: {told}", flush=True)
+
+
+def rest_of(pose: rb.Pose, part: slice) -> RestProof:
+    """The proof of some poses of a batch."""
+    fields = {name: getattr(pose, name)[part] for name in ("x", "y", "yaw", "steering", "q", "status", "report")}
+    return prove_rest(replace(pose, **fields), tries=12)
 
 
 if __name__ == "__main__":

@@ -49,7 +49,7 @@ def heights(kind: str, rng: np.random.Generator, rows: int, cols: int, size: flo
     elif kind == "spikes":
         z = (rng.random((rows, cols)) < 0.05) * rng.uniform(0.1, 2)
     elif kind == "chequered":
-        z = (i + j) % 2 * rng.uniform(0.01, 1)
+        z = (i + j) % 2 * rng.uniform(0.01, 1) * (1 + 0.01 * rng.random((rows, cols)))
     elif kind == "rounded":
         z = np.round(2 * rng.normal(size=(rows, cols))) * rng.uniform(0.01, 0.2)
     return size * np.reshape(z, (rows, cols)).astype(float)
@@ -70,7 +70,7 @@ def terrain_around(
 
 @st.composite
 def rovers(draw: st.DrawFn) -> rb.Rover:
-    """Bogie ahead or behind, unequal tracks, thin and wide wheels, tall and squat, any size."""
+    """Bogie ahead or behind, unequal tracks, thin and wide wheels, tall and squat, stops far or near, any size."""
     part = st.floats(0.0, 1.0)
 
     def between(low: float, high: float) -> float:
@@ -92,6 +92,8 @@ def rovers(draw: st.DrawFn) -> rb.Rover:
         bogie_pivot=np.multiply((bogie_x, between(0.2, 0.8), between(-0.2, 0.1)), size),
         hubs=np.multiply(hubs, size),
         steering_offset=(size * between(-0.05, 0.05), size * between(-0.05, 0.05)),
+        rocker_limits=draw(st.sampled_from([(-np.inf, np.inf), (-0.05, 0.3), (-0.6, 0.6)])),
+        bogie_limits=draw(st.sampled_from([(-np.inf, np.inf), (-0.15, 0.1), (-0.8, 0.8)])),
     )
 
 
