@@ -20,9 +20,12 @@ class Status(IntEnum):
 
 MEANING: dict[Status, tuple[str, str]] = {
     Status.CONVERGED: ("settled: all six wheels touch, every joint within its stops", "use it"),
-    Status.OFF_MAP: ("part of a tread lies off the map: the pose is nan", "move the place inward or load more ground"),
+    Status.OFF_MAP: (
+        "part of a tread (at rest: or of the body's box) lies off the map: the pose is nan",
+        "move the place inward or load more ground",
+    ),
     Status.NO_DATA: (
-        "part of a tread lies over unknown ground (nan): the pose is nan",
+        "part of a tread (at rest: or of the body's box) lies over unknown ground: the pose is nan",
         "fill the hole before loading, or leave the place out",
     ),
     Status.JOINT_STOP: (
@@ -30,12 +33,12 @@ MEANING: dict[Status, tuple[str, str]] = {
         "ask mode='equilibrium' which wheel lifts; or widen the rover's stops",
     ),
     Status.NOT_CONVERGED: (
-        "no pose was found whose six gaps are zero: the pose is nan",
+        "contact mode: no pose was found whose six gaps are zero; equilibrium: none that its forces hold; the pose is nan",
         "the ground is too steep for this linkage here; try mode='equilibrium'",
     ),
     Status.WHEEL_LIFTED: ("equilibrium: at rest with a wheel in the air", "see wheel_lifted for which"),
     Status.BELLY_CONTACT: (
-        "the body's box reaches into the ground (contact mode) or rests on it (equilibrium)",
+        "equilibrium: at rest with the body's box on the ground; contact mode does not look (see clearance)",
         "the rover is high-centred: choose another place",
     ),
     Status.TIPPED: ("no rest was found right side up: the pose is nan", "the ground tips this rover over"),
