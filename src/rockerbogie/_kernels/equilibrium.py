@@ -86,10 +86,8 @@ def settle_equilibrium(
         q[:] = math.nan
         return NO_DATA if code == BLANK else (OFF_MAP if code > 0 else TIPPED)
     height = q[Z] + centre_of_mass(rover, feet, q, cy, sy, axes, knees, slope)
-    for k in range(6):
-        bend[k, k] = 0.5
+    forget(bend)
     trust = TRUST
-    settled = False
     cut_gap, cut_rows, cut_owner = np.empty(CUTS), np.empty((CUTS, 6)), np.empty(CUTS, np.int64)
     listed, cuts, far = count, 0, 0.0
     for _ in range(MOST):
@@ -115,9 +113,7 @@ def settle_equilibrium(
                 m += 1
         copy[:] = bend
         if not (invert(copy, inverse) and solve_qp(inverse, slope, n, b, m, d, force)):
-            for i in range(6):  # the curvature learnt is spoilt: forget it
-                for j in range(6):
-                    bend[i, j] = 0.5 if i == j else 0.0
+            forget(bend)  # the curvature learnt is spoilt
             trust *= 0.25
             if trust < 1e-9:
                 break
@@ -128,11 +124,21 @@ def settle_equilibrium(
             promise -= slope[k] * d[k]
             size = max(size, abs(d[k]))
         if promise < DONE and size < 1e-6:
-            if cuts == 0 or far < 1e-6:
-                settled = True
-                break
-            # held by what was met further off: look again, nearer by
-            trust = 0.1 * min(trust, far)
+            if cuts > 0 and far > 1e-6:  # held by what was met further off: look again, nearer by
+                trust = 0.1 * min(trust, far)
+                count, cuts, far = listed, 0, 0.0
+                continue
+            arrived = True
+        elif trust < 1e-10:
+            arrived = True
+        else:
+            arrived = False
+        if arrived:
+            if bear(rover, q, slope, gap, rows, count, inverse, n, b, d, force) < STILL:
+                return judge(rover, q, gap, owner, force, count, report)
+            # no: kinks took for sharp curvature have brought it to a halt. On, with nothing learnt
+            forget(bend)
+            trust = 0.1 * TRUST
             count, cuts, far = listed, 0, 0.0
             continue
         for k in range(6):
@@ -173,9 +179,6 @@ def settle_equilibrium(
             for k in range(cuts):
                 gap[count], rows[count], owner[count] = cut_gap[k], cut_rows[k], cut_owner[k]
                 count += 1
-            if trust < 1e-10:
-                settled = True
-                break
             continue
         if low_before - new > 0.5 * promise and size > 0.9 * trust:
             trust = min(2.0 * trust, WIDEST)
@@ -199,15 +202,16 @@ def settle_equilibrium(
                 for k in range(6):
                     pull[k] -= bearing[i] * rows[first, k]
         learn(bend, moved, pull, old_pull)
-    for k in range(3):  # a joint that all but lies on its stop does
-        for end in range(2):
-            stop = rover[(P_STOPS if k == 0 else P_STOPS + 2) + end]
-            if abs(q[ROCKER + k] - stop) < ON_STOP:
-                q[ROCKER + k] = stop
-    if not (settled and bear(rover, q, slope, gap, rows, count, inverse, n, b, d, force) < STILL):
-        q[:] = math.nan
-        return NOT_CONVERGED
-    return judge(rover, q, gap, owner, force, count, report)
+    q[:] = math.nan
+    return NOT_CONVERGED
+
+
+@njit
+def forget(bend: Array) -> None:
+    """Begin with the same slight curvature in every direction."""
+    for i in range(6):
+        for j in range(6):
+            bend[i, j] = 0.5 if i == j else 0.0
 
 
 @njit
@@ -225,7 +229,8 @@ def bear(
     force: Array,
 ) -> float:
     """Fill force (count,) with what each touching place bears, no less than nought, so that together with the stops they
-    hold the rover best. Returns by how much they fail to: the steepest way down left open, 0 where the rover rests."""
+    hold the rover best. Returns by how much they fail to: the steepest way down left open, 0 where the rover rests.
+    A joint that all but lies on its stop is put there."""
     m = 0
     for k in range(count):
         if gap[k] <= TOUCH:
@@ -234,7 +239,9 @@ def bear(
     for k in range(3):
         for end in range(2):
             sign = 1.0 if end == 0 else -1.0
-            if sign * (q[ROCKER + k] - rover[(P_STOPS if k == 0 else P_STOPS + 2) + end]) <= 0.0:
+            stop = rover[(P_STOPS if k == 0 else P_STOPS + 2) + end]
+            if sign * (q[ROCKER + k] - stop) < ON_STOP:
+                q[ROCKER + k] = stop
                 n[m], b[m] = 0.0, 0.0
                 n[m, ROCKER + k] = sign
                 m += 1
