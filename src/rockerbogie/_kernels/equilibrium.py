@@ -125,7 +125,7 @@ def settle_equilibrium(
             size = max(size, abs(d[k]))
         if promise < DONE and size < 1e-6:
             if cuts > 0 and far > 1e-6:  # held by what was met further off: look again, nearer by
-                trust = 0.1 * min(trust, far)
+                trust = 0.3 * far
                 count, cuts, far = listed, 0, 0.0
                 continue
             arrived = True
