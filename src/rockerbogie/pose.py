@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ._kernels import batch, equilibrium
 from ._kernels.jit import spread
+from .batches import flat, flat_steering
 from .errors import RockerbogieError
 from .frames import body_transform
 from .rover import Rover
@@ -104,7 +105,7 @@ class Pose:
         spread(
             batch.touch_batch,
             n,
-            self.terrain.packed, self.rover.packed, *self._flat_places(), self._flat_steering(),
+            self.terrain.packed, self.rover.packed, *self._flat_places(), flat_steering(self.steering),
             np.ascontiguousarray(self.q.reshape(n, 6)), TOUCHING, gap, angle, point, normal, count,
         )  # fmt: skip
         return Contacts(*(a.reshape(*self.shape, *a.shape[1:]) for a in (gap, angle, point, normal, count)))  # type: ignore[arg-type]
@@ -180,13 +181,7 @@ class Pose:
         return out.reshape(self.shape)
 
     def _flat_places(self) -> tuple[Array, Array, Array]:
-        return self.x.ravel(), self.y.ravel(), self.yaw.ravel()
-
-    def _flat_steering(self) -> Array:
-        """(n, 6), or (1, 6) where one steering serves all."""
-        if self.status.size and all(step == 0 for step in self.steering.strides[:-1]):
-            return np.ascontiguousarray(self.steering[(0,) * (self.steering.ndim - 1)]).reshape(1, 6)
-        return np.ascontiguousarray(self.steering.reshape(-1, 6))
+        return flat(self.x), flat(self.y), flat(self.yaw)
 
     def to_xarray(self) -> xr.Dataset:
         """A Dataset with the batch axes as dims `pose` (one axis) or `pose_0`, `pose_1`, …, units and long names in attrs."""

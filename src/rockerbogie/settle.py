@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from ._kernels import batch, equilibrium
 from ._kernels.jit import spread
+from .batches import Array, flat, flat_steering, pieces, spanned
 from .errors import RockerbogieError, expect
 from .frames import check_steering
 from .pose import Pose
@@ -47,42 +49,39 @@ def settle(
     """
     expect(rover, Rover, "rover", LOAD_ROVER)
     expect(terrain, Terrain, "terrain", "make one with rockerbogie.Terrain.from_array, from_raster or rockerbogie.surfaces")
-    places = []
-    for name, value in (("x", x), ("y", y), ("yaw", yaw)):
-        try:
-            place = np.asarray(value, dtype=float)
-        except (TypeError, ValueError) as error:
-            raise RockerbogieError(f"{name} is not a number or an array of numbers: {error}") from error
-        places.append(place)
-        bad = ~np.isfinite(place)
-        if bad.any():
-            raise RockerbogieError(
-                f"{name} is not finite in {bad.sum()} of {place.size} poses (first at index {int(np.argmax(bad))})"
-            )
     if mode not in ("contact", "equilibrium"):
         raise RockerbogieError(f"mode {mode!r} is not known; give 'contact' or 'equilibrium'")
+    px, py, heading = _numbers("x", x), _numbers("y", y), _numbers("yaw", yaw)
     turn = check_steering(rover, steering)
     try:
-        shape = np.broadcast_shapes(*(p.shape for p in places), turn.shape[:-1])
+        shape = np.broadcast(px, py, heading, turn[..., 0]).shape
     except ValueError as error:
-        shapes = ", ".join(str(p.shape) for p in places)
+        shapes = f"{px.shape}, {py.shape}, {heading.shape}"
         raise RockerbogieError(f"x, y, yaw of shapes {shapes} and steering {turn.shape} do not broadcast together") from error
-    px, py, heading = (np.broadcast_to(p, shape) for p in places)
-    turn = np.broadcast_to(turn, (*shape, 6))
-    n = int(np.prod(shape))
-    q = np.empty((n, 6))
-    status = np.empty(n, dtype=np.uint8)
-    report = np.empty((n, equilibrium.R_SIZE)) if mode == "equilibrium" else None
-    one_steering = n > 0 and all(step == 0 for step in turn.strides[:-1])
-    turns = turn[(0,) * (turn.ndim - 1)].reshape(1, 6) if one_steering else turn.reshape(-1, 6)
-    for start in range(0, n, CHUNK):
-        part = slice(start, min(start + CHUNK, n))
-        spots = (px.flat[part], py.flat[part], heading.flat[part], np.ascontiguousarray(turns if one_steering else turns[part]))
-        given = (terrain.packed, rover.packed, *spots)
+    px, py, heading, turn = spanned(px, shape), spanned(py, shape), spanned(heading, shape), spanned(turn, (*shape, 6))
+    q = np.empty((*shape, 6))
+    status = np.empty(shape, dtype=np.uint8)
+    report = np.empty((*shape, equilibrium.R_SIZE)) if mode == "equilibrium" else None
+    for at in pieces(shape, CHUNK):
+        spots = (flat(px[at]), flat(py[at]), flat(heading[at]), flat_steering(turn[at]), q[at].reshape(-1, 6))
+        given, codes = (terrain.packed, rover.packed, *spots), status[at].reshape(-1)
         if report is None:
-            spread(batch.settle_batch, len(status[part]), *given, q[part], status[part])
+            spread(batch.settle_batch, codes.size, *given, codes)
         else:
-            spread(batch.rest_batch, len(status[part]), *given, q[part], status[part], report[part])
-    if report is not None:
-        report = report.reshape(*shape, equilibrium.R_SIZE)
-    return Pose(rover, terrain, px, py, heading, turn, q.reshape(*shape, 6), status.reshape(shape), report)
+            spread(batch.rest_batch, codes.size, *given, codes, report[at].reshape(-1, equilibrium.R_SIZE))
+    return Pose(rover, terrain, px, py, heading, turn, q, status, report)
+
+
+def _numbers(name: str, value: ArrayLike) -> Array:
+    """A place or heading as an array of finite numbers."""
+    try:
+        place = np.asarray(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise RockerbogieError(f"{name} is not a number or an array of numbers: {error}") from error
+    # a lone number is asked by itself: numpy takes ten times as long about it
+    if not (math.isfinite(place) if place.ndim == 0 else np.isfinite(place).all()):
+        bad = ~np.isfinite(place)
+        raise RockerbogieError(
+            f"{name} is not finite in {bad.sum()} of {place.size} poses (first at index {int(np.argmax(bad))})"
+        )
+    return place
