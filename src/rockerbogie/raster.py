@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +18,72 @@ Array = NDArray[np.float64]
 
 #: Most pixels read at once: 3.2 GB of heights.
 MOST_PIXELS = 400_000_000
+CACHE = 64 << 20  # bytes of a file that GDAL may keep
 METRES = frozenset({"", "m", "metre", "meter", "metres", "meters"})
+
+
+@dataclass(frozen=True)
+class Raster:
+    """A file of heights, known by its outline and read by windows. A node is a pixel's centre; rows are counted from the
+    south, columns from the west."""
+
+    path: Path
+    band: int  # from 1
+    shape: tuple[int, int]  # rows, cols
+    spacing: tuple[float, float]  # dx, dy, m
+    corner: tuple[float, float]  # x, y of the file's own corner, m
+    step: tuple[float, float]  # from one of the file's pixels to the next, m; -dy where the file begins in the north
+    crs: str | None
+
+    def x(self, first: int, last: int) -> Array:
+        """(last - first,) of the nodes first..last, m."""
+        return _places(self.corner[0], self.step[0], self.shape[1], first, last)
+
+    def y(self, first: int, last: int) -> Array:
+        """(last - first,) of the nodes first..last, m."""
+        return _places(self.corner[1], self.step[1], self.shape[0], first, last)
+
+    @property
+    def origin(self) -> tuple[float, float]:
+        """x, y of the south-west node, m."""
+        return float(self.x(0, 1)[0]), float(self.y(0, 1)[0])
+
+    def read(self, rows: tuple[int, int], cols: tuple[int, int]) -> Array:
+        """Heights (rows, cols) of the nodes rows × cols (first, one past the last), m; y grows with the row, nan is no
+        data. The file's scale and offset are applied, and what it marks as no data (by value or by mask) is nan.
+
+        Raises:
+            TerrainError: the file cannot be read.
+        """
+        from rasterio.windows import Window
+
+        size = (cols[1] - cols[0], rows[1] - rows[0])
+        left = cols[0] if self.step[0] > 0 else self.shape[1] - cols[1]
+        top = rows[0] if self.step[1] > 0 else self.shape[0] - rows[1]
+        with _opened(self.path) as raster:
+            raw = raster.read(self.band, masked=True, window=Window(left, top, *size))
+            scale, offset = raster.scales[self.band - 1], raster.offsets[self.band - 1]
+        heights = np.ma.filled(raw.astype(np.float64), np.nan) * scale + offset
+        if self.step[0] < 0:
+            heights = heights[:, ::-1]
+        if self.step[1] < 0:
+            heights = heights[::-1]
+        return np.ascontiguousarray(heights)
+
+
+def open_raster(path: Path, band: int = 1) -> Raster:
+    """The outline of a file of heights: whatever GDAL reads.
+
+    Raises:
+        TerrainError: rasterio is not installed; no such file or band; not a raster; a grid that is rotated, not in
+            metres or without a place.
+    """
+    with _opened(path) as raster:
+        _check(raster, path.name, band)
+        T = raster.transform
+        crs = raster.crs.to_string() if raster.crs else None
+        size = (raster.height, raster.width)
+    return Raster(path, band, size, (abs(T.a), abs(T.e)), (T.c, T.f), (T.a, T.e), crs)
 
 
 def read_raster(
@@ -23,18 +91,28 @@ def read_raster(
 ) -> tuple[Array, tuple[float, float], tuple[float, float], str | None]:
     """Heights (rows, cols) with y growing with the row, their spacing (dx, dy), the first node (x0, y0), and the CRS.
 
-    A node is a pixel's centre; the first is the south-west pixel's. The file's scale and offset are applied, and what
-    it marks as no data (by value or by mask) is nan.
-
     Args:
         path: the file.
         band: which band holds the heights, from 1.
         window: (xmin, ymin, xmax, ymax) in the file's CRS, m: only the pixels whose centres lie in it.
 
     Raises:
-        TerrainError: rasterio is not installed; no such file or band; not a raster; a grid that is rotated, not in
-            metres or without a place; a window that holds fewer than two pixels a side; too many pixels.
+        TerrainError: as `open_raster`; a window that holds fewer than two pixels a side; too many pixels.
     """
+    raster = open_raster(path, band)
+    rows, cols = (0, raster.shape[0]), (0, raster.shape[1])
+    if window is not None:
+        cols, rows = _inside((raster.x(*cols), raster.y(*rows)), window, path.name)
+    count = (cols[1] - cols[0]), (rows[1] - rows[0])
+    if count[0] * count[1] > MOST_PIXELS:
+        raise TerrainError(f"{path.name} would be {count[0]} x {count[1]} pixels, more than {MOST_PIXELS:g}: give a window")
+    origin = float(raster.x(cols[0], cols[0] + 1)[0]), float(raster.y(rows[0], rows[0] + 1)[0])
+    return raster.read(rows, cols), raster.spacing, origin, raster.crs
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """The file, open; what rasterio says against it said in our words."""
     try:
         import rasterio
         from rasterio.errors import NotGeoreferencedWarning, RasterioError
@@ -44,36 +122,19 @@ def read_raster(
         raise TerrainError(f"no file {str(path)!r}")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", NotGeoreferencedWarning)  # said below, in our words and as an error
-            with rasterio.open(path) as raster:
-                return _read(raster, path.name, band, window)
+            warnings.simplefilter("ignore", NotGeoreferencedWarning)  # said by `_check`, in our words and as an error
+            with rasterio.Env(GDAL_CACHEMAX=CACHE), rasterio.open(path) as raster:
+                yield raster
     except RasterioError as error:
         raise TerrainError(f"{str(path)!r} is not a raster that GDAL can read: {error}") from None
 
 
-def _read(
-    raster: Any, name: str, band: int, window: tuple[float, float, float, float] | None
-) -> tuple[Array, tuple[float, float], tuple[float, float], str | None]:
-    from rasterio.windows import Window
-
-    _check(raster, name, band)
-    T = raster.transform
-    centres = (T.c + T.a * (np.arange(raster.width) + 0.5), T.f + T.e * (np.arange(raster.height) + 0.5))
-    (first_col, last_col), (first_row, last_row) = (0, raster.width), (0, raster.height)
-    if window is not None:
-        (first_col, last_col), (first_row, last_row) = _inside(centres, window, name)
-    cols, rows = last_col - first_col, last_row - first_row
-    if cols * rows > MOST_PIXELS:
-        raise TerrainError(f"{name} would be {cols} x {rows} pixels, more than {MOST_PIXELS:g}: give a window")
-    raw = raster.read(band, masked=True, window=Window(first_col, first_row, cols, rows))
-    heights = np.ma.filled(raw.astype(np.float64), np.nan) * raster.scales[band - 1] + raster.offsets[band - 1]
-    x, y = centres[0][first_col:last_col], centres[1][first_row:last_row]
-    if T.a < 0:
-        heights, x = heights[:, ::-1], x[::-1]
-    if T.e < 0:
-        heights, y = heights[::-1], y[::-1]
-    crs = raster.crs.to_string() if raster.crs else None
-    return np.ascontiguousarray(heights), (abs(T.a), abs(T.e)), (float(x[0]), float(y[0])), crs
+def _places(corner: float, step: float, count: int, first: int, last: int) -> Array:
+    """The nodes first..last of an axis that is counted from its low end."""
+    at = np.arange(first, last)
+    if step < 0:
+        at = count - 1 - at
+    return np.asarray(corner + step * (at + 0.5))
 
 
 def _check(raster: Any, name: str, band: int) -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from . import spline
 from ._kernels import ground
 from ._kernels.jit import spread
 from .errors import TerrainError
@@ -83,19 +84,11 @@ class Terrain:
         known = np.isfinite(heights)
         if not known.any():
             raise TerrainError("every height is nan: there is no ground here")
-        level = float(np.median(heights[known]))  # kept apart, so that -4,450 m does not eat the last digits
-        meta = np.zeros(ground.META_SIZE)
-        meta[: ground.META_SIZE] = (*corner, level, *step, heights.shape[1], heights.shape[0], interpolation == "cubic", np.inf)
-        grid = roof = np.ascontiguousarray(heights - level)
-        if interpolation == "cubic":
-            grid = _spline_coefficients(grid, known)
-            roof = _roof(grid)
-            meta[ground.META_BEND] = _greatest_bend(grid, step)
-        heights.setflags(write=False)
-        return cls(
-            heights, (float(step[0]), float(step[1])), (float(corner[0]), float(corner[1])), interpolation, crs, name,
-            grid, roof, meta,
-        )  # fmt: skip
+        shape = heights.shape
+        size = float(step[0]), float(step[1])
+        level = middle(float(np.min(heights, where=known, initial=np.inf)), float(np.max(heights, where=known, initial=-np.inf)))
+        whole = Whole(shape, size, (float(corner[0]), float(corner[1])), interpolation, crs, name, level, None)
+        return lay(heights, (0, 0), (0, shape[0]), (0, shape[1]), whole)
 
     @classmethod
     def from_raster(
@@ -161,78 +154,67 @@ class Terrain:
     def _surface(self, x: ArrayLike, y: ArrayLike) -> Array:
         px, py = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
         out = np.empty((px.size, 3))
-        spread(ground.surface_batch, px.size, self.grid, self.meta, px.ravel(), py.ravel(), out)
+        spread(ground.surface_batch, px.size, self.packed, px.ravel(), py.ravel(), out)
         return out.reshape(*px.shape, 3)
 
 
-def _spline_coefficients(z: Array, known: NDArray[np.bool_]) -> Array:
-    """Coefficients (rows + 2, cols + 2) of the uniform cubic B-spline through z, not-a-knot at the rim.
+class Whole(NamedTuple):
+    """What a window must know of the map that it is part of."""
 
-    Unknown nodes are bridged by their nearest known neighbour, so that the spline exists; their coefficients are then
-    struck out again, which makes every cell that leans on one unknown. What a bridge leaks further in dies off by
-    0.27 a cell.
+    shape: tuple[int, int]  # rows, cols
+    spacing: tuple[float, float]  # dx, dy, m
+    origin: tuple[float, float]  # x, y of the first node, m
+    interpolation: Interpolation
+    crs: str | None
+    name: str
+    level: float  # kept apart from the heights, so that -4,450 m does not eat the last digits
+    bend: float | None  # ground.META_BEND; None: to be found, as this is all of the map
+
+
+def middle(lowest: float, highest: float) -> float:
+    """The level that heights are told from."""
+    return 0.5 * lowest + 0.5 * highest
+
+
+def nodes_needed(start: int, stop: int, count: int, interpolation: Interpolation) -> tuple[int, int]:
+    """The first and one past the last node, of `count` along an axis, that ground of nodes start..stop is made from."""
+    if interpolation == "linear":
+        return start, stop
+    return spline.nodes_needed(max(start - 1, 0), min(stop + 1, count), count)
+
+
+def lay(heights: Array, first: tuple[int, int], rows: tuple[int, int], cols: tuple[int, int], whole: Whole) -> Terrain:
+    """Ground of the nodes rows × cols (first, one past the last) of a map, out of its heights from node `first` on.
+
+    To the last bit what the whole map has there. Whoever settles on a window keeps all of the rover well within it.
     """
-    from scipy.ndimage import distance_transform_edt
-
-    if not known.all():
-        nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
-        z = z[tuple(nearest)]
-    c = _spline_rows(_spline_rows(z).T).T.copy()
-    c[1:-1, 1:-1][~known] = np.nan
-    return c
-
-
-def _greatest_bend(c: Array, step: Array) -> float:
-    """A bound on the spline's second derivative along any direction: those of a spline lie within the second differences
-    of its coefficients. inf where ground is missing."""
-    xx = np.abs(np.diff(c, 2, axis=1)).max() / step[0] ** 2
-    yy = np.abs(np.diff(c, 2, axis=0)).max() / step[1] ** 2
-    xy = np.abs(np.diff(np.diff(c, axis=0), axis=1)).max() / (step[0] * step[1])
-    bound = float(max(xx, yy) + xy)
-    return bound if np.isfinite(bound) else np.inf
-
-
-def _roof(c: Array) -> Array:
-    """Node heights (rows, cols) whose bilinear surface the spline of coefficients c nowhere rises over.
-
-    A cell's spline lies under its Bézier ordinates; by what these exceed the plane-like surface through the cell's
-    corners, its corners are lifted. inf around cells that are not known.
-    """
-    bezier = np.array([[1, 4, 1, 0], [0, 4, 2, 0], [0, 2, 4, 0], [0, 1, 4, 1]]) / 6
-    rows, cols = c.shape[0] - 3, c.shape[1] - 3  # cells
-    across = [sum(w * c[:, n : n + cols] for n, w in enumerate(weights)) for weights in bezier]
-
-    def ordinate(k: int, m: int) -> Array:
-        return np.asarray(sum(w * across[m][n : n + rows] for n, w in enumerate(bezier[k])))
-
-    a, b, d, e = ordinate(0, 0), ordinate(0, 3), ordinate(3, 0), ordinate(3, 3)
-    bulge = np.zeros((rows, cols))
-    for k in range(4):
-        for m in range(4):
-            u, v = m / 3, k / 3
-            bulge = np.maximum(bulge, ordinate(k, m) - ((a * (1 - u) + b * u) * (1 - v) + (d * (1 - u) + e * u) * v))
-    bulge[np.isnan(bulge)] = np.inf
-    lift = np.zeros((rows + 1, cols + 1))
-    node = np.zeros((rows + 1, cols + 1))
-    for i in (0, 1):
-        for j in (0, 1):
-            part = (slice(i, rows + i), slice(j, cols + j))
-            lift[part] = np.maximum(lift[part], bulge)
-            node[part] = np.where(np.isnan(corner := (a, b, d, e)[2 * i + j]), node[part], corner)
-    return node + lift
+    part = heights[rows[0] - first[0] : rows[1] - first[0], cols[0] - first[1] : cols[1] - first[1]]
+    bend = np.inf
+    if whole.interpolation == "linear":
+        grid = roof = np.ascontiguousarray(part - whole.level)
+    else:
+        # a node more around, as the roof over a node leans on the four cells about it
+        (r0, r1), (c0, c1) = ((max(a - 1, 0), min(b + 1, n)) for (a, b), n in zip((rows, cols), whole.shape, strict=True))
+        c = spline.coefficients(heights - whole.level, first, whole.shape, (r0, r1), (c0, c1))
+        bend = spline.greatest_bend(spline.greatest_differences(c), whole.spacing) if whole.bend is None else whole.bend
+        grid = np.ascontiguousarray(c[rows[0] - r0 : rows[1] - r0 + 2, cols[0] - c0 : cols[1] - c0 + 2])
+        roof = np.ascontiguousarray(spline.roof(c)[rows[0] - r0 : rows[1] - r0, cols[0] - c0 : cols[1] - c0])
+    (dx, dy), (x0, y0) = whole.spacing, whole.origin
+    meta = np.zeros(ground.META_SIZE)
+    meta[[ground.META_X, ground.META_Y, ground.META_Z, ground.META_DX, ground.META_DY]] = x0, y0, whole.level, dx, dy
+    meta[[ground.META_NX, ground.META_NY, ground.META_ROW, ground.META_COL]] = *whole.shape[::-1], rows[0], cols[0]
+    meta[[ground.META_CUBIC, ground.META_BEND]] = whole.interpolation == "cubic", bend
+    part.setflags(write=False)
+    origin = (x0 + cols[0] * dx, y0 + rows[0] * dy)
+    return Terrain(part, whole.spacing, origin, whole.interpolation, whole.crs, whole.name, grid, roof, meta)
 
 
-def _spline_rows(z: Array) -> Array:
-    """Solve (c[i-1] + 4 c[i] + c[i+1]) / 6 = z[i] down axis 0, the third derivative continuous at the first and last
-    inner knots; c has two rows more than z."""
-    from scipy.linalg import solve_banded
-
-    n = z.shape[0] + 2
-    band = np.zeros((9, n))
-    band[3, 2:], band[4, 1:-1], band[5, :-2] = 1 / 6, 4 / 6, 1 / 6
-    for k, jump in enumerate((1.0, -4.0, 6.0, -4.0, 1.0)):  # fourth difference of the coefficients
-        band[4 - k, k] = jump
-        band[4 + k, n - 1 - k] = jump
-    rhs = np.zeros((n, z.shape[1]))
-    rhs[1:-1] = z
-    return np.asarray(solve_banded((4, 4), band, rhs, overwrite_ab=True, overwrite_b=True))
+def cut(terrain: Terrain, rows: tuple[int, int], cols: tuple[int, int]) -> Terrain:
+    """The window of nodes rows × cols (first, one past the last) of a whole terrain, as `lay` would make it."""
+    ring = terrain.grid.shape[0] - terrain.roof.shape[0]
+    grid = np.ascontiguousarray(terrain.grid[rows[0] : rows[1] + ring, cols[0] : cols[1] + ring])
+    z, roof = (np.ascontiguousarray(a[slice(*rows), slice(*cols)]) for a in (terrain.z, terrain.roof))
+    meta = terrain.meta.copy()
+    meta[[ground.META_ROW, ground.META_COL]] = rows[0], cols[0]
+    (dx, dy), (x0, y0) = terrain.spacing, terrain.origin
+    return replace(terrain, z=z, origin=(x0 + cols[0] * dx, y0 + rows[0] * dy), grid=grid, roof=roof, meta=meta)

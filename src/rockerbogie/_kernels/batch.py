@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from .contact import settle_contact
 from .equilibrium import settle_equilibrium
-from .ground import META_X, META_Y, META_Z
+from .ground import META_X, META_Y, META_Z, loan
 from .jit import bare, njit
 from .linkage import P_BOX, PITCH, ROLL, Z, body_axes, stand, stand_feet
 from .tread import FOUND, Ground, least_gap, patches
@@ -31,12 +31,6 @@ from .wheel import (
 from .work import WORK_SIZE, lay_out
 
 Array = NDArray[np.float64]
-
-
-@njit
-def loan(ground: Ground) -> Ground:
-    """The ground's arrays, not counted as references to them."""
-    return bare(ground[0]), bare(ground[1]), bare(ground[2])
 
 
 @njit
@@ -105,7 +99,8 @@ def touch_batch(
 ) -> None:  # fmt: skip
     """How each wheel touches at given poses q (n, 6): gap, contact angle (n, 6), point, normal (n, 6, 3) in the world,
     and how many separate places of its tread are within `keep` of the ground (n, 6)."""
-    grid, _, meta = ground
+    land = loan(ground)
+    grid, _, meta = land
     buffer = np.empty(WORK_SIZE)
     work = lay_out(buffer)
     best, found, wheels, local = work.best, work.found, work.wheels, work.step
@@ -123,7 +118,7 @@ def touch_batch(
             continue
         for i in range(6):
             w = wheels[i]
-            code, kept = least_gap(ground, w, 0.0, 1.0, 0.0, True, keep, best, found, work)
+            code, kept = least_gap(land, w, 0.0, 1.0, 0.0, True, keep, best, found, work)
             if code != FOUND:
                 continue
             gap[k, i] = best[GAP]
@@ -137,7 +132,7 @@ def touch_batch(
             size = math.sqrt(1.0 + gx * gx + gy * gy)
             normal[k, i, 0], normal[k, i, 1], normal[k, i, 2] = -gx / size, -gy / size, 1.0 / size
             angle[k, i] = contact_angle(w, best[SIN], best[COSINE], best[PLACE])
-            count[k, i] = patches(ground, w, found, kept, keep)
+            count[k, i] = patches(land, w, found, kept, keep)
     buffer[0] = 0.0
 
 
@@ -146,13 +141,13 @@ def clearance_batch(
     ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, q: Array, out: Array, start: int, stop: int
 ) -> None:
     """Least height of the body's box over the ground (n,) at poses q (n, 6)."""
-    meta = ground[2]
+    land, meta = loan(ground), ground[2]
     for k in range(start, stop):
         axes, near = np.empty((3, 3)), np.empty((NEAR_ROOM, NEAR_SIZE))
         out[k] = math.nan
         if not math.isnan(q[k, Z]):
             body_axes(q[k, ROLL], q[k, PITCH], math.cos(yaw[k]), math.sin(yaw[k]), axes)
             px, py, pz = x[k] - meta[META_X], y[k] - meta[META_Y], q[k, Z] - meta[META_Z]
-            count = box_over_ground(ground, rover[P_BOX : P_BOX + 6], axes, px, py, pz, 0.0, near)
+            count = box_over_ground(land, rover[P_BOX : P_BOX + 6], axes, px, py, pz, 0.0, near)
             if count > 0:
                 out[k] = least_clearance(near, count)

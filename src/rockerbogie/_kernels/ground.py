@@ -3,6 +3,10 @@
 A packed ground is (`grid`, `meta`). For linear ground `grid` holds the nodes; for cubic ground the coefficients of the
 C2 tensor-product B-spline through them, one ring wider than the map. nan marks ground that is not known: it spreads
 to every cell whose surface leans on it. Positions are from the map's first node, heights from `META_Z`.
+
+A ground may be a window: part of a map, whose `META_ROW`, `META_COL` say which. Positions and indices stay the map's, so
+that what is worked out in a window is what the whole map gives, to the last bit. The loops over a batch borrow it by
+`loan`; whoever calls them sees to it that nothing they read lies outside the window.
 """
 
 from __future__ import annotations
@@ -12,14 +16,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .jit import inlined, njit
+from .jit import bare, inlined, njit, window
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 # META_BEND: no second derivative of the ground along any level direction is greater; inf where it has ridges or holes.
-META_X, META_Y, META_Z, META_DX, META_DY, META_NX, META_NY, META_CUBIC, META_BEND = range(9)
-META_SIZE = 9
+# META_ROW, META_COL: the node that the arrays begin at, 0 where they hold the whole map.
+META_X, META_Y, META_Z, META_DX, META_DY, META_NX, META_NY, META_CUBIC, META_BEND, META_ROW, META_COL = range(11)
+META_SIZE = 11
+
+Ground = tuple["NDArray[np.float64]", "NDArray[np.float64]", "NDArray[np.float64]"]  # grid, roof, meta
+
+
+@njit
+def loan(ground: Ground) -> Ground:
+    """The ground's arrays by the map's indices, not counted as references to them."""
+    grid, roof, meta = ground
+    row, col = int(meta[META_ROW]), int(meta[META_COL])
+    return window(grid, row, col), window(roof, row, col), bare(meta)
 
 
 @inlined
@@ -95,8 +110,7 @@ def surface(
 
 @njit
 def surface_batch(
-    grid: NDArray[np.float64],
-    meta: NDArray[np.float64],
+    ground: Ground,
     x: NDArray[np.float64],
     y: NDArray[np.float64],
     out: NDArray[np.float64],
@@ -104,6 +118,7 @@ def surface_batch(
     stop: int,
 ) -> None:
     """Fill out (n, 3) with h, h_x, h_y at world points (n,), items start..stop; nan off the map."""
+    grid, _, meta = loan(ground)
     for k in range(start, stop):
         px = onto(x[k] - meta[META_X], meta[META_DX], meta[META_NX])
         py = onto(y[k] - meta[META_Y], meta[META_DY], meta[META_NY])

@@ -1,0 +1,153 @@
+"""The ground under a map: in memory, or in a file that is read by windows."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from .. import spline
+from ..errors import TerrainError
+from ..raster import Raster, open_raster
+from ..rover import Rover
+from ..terrain import Interpolation, Terrain, Whole, cut, lay, middle, nodes_needed
+
+Span = tuple[int, int]  # first, one past the last
+
+BAND = 1 << 22  # nodes of a file read at once to tell its levels: 32 MB of heights
+BLOCK = 4 * spline.TILE  # nodes a side worked on at once to tell how much its spline bends
+SPARE = 4  # nodes of a window beyond what the rover can reach
+
+
+class Ground(Protocol):
+    """What a map is made over."""
+
+    @property
+    def whole(self) -> Whole:
+        """Its outline."""
+
+    def window(self, rows: Span, cols: Span) -> Terrain:
+        """Ground for poses that read no nodes but these."""
+
+    def sent(self, rows: Span, cols: Span) -> Ground:
+        """As much of it as another process needs to make that window."""
+
+    def digest(self) -> str:
+        """What tells its heights from any others."""
+
+
+@dataclass(frozen=True)
+class InMemory:
+    """A terrain."""
+
+    terrain: Terrain
+
+    @property
+    def whole(self) -> Whole:
+        """Its outline."""
+        t = self.terrain
+        rows, cols = t.z.shape
+        return Whole((rows, cols), t.spacing, t.origin, t.interpolation, t.crs, t.name, 0.0, None)
+
+    def window(self, rows: Span, cols: Span) -> Terrain:
+        """All of it: that costs nothing."""
+        return self.terrain
+
+    def sent(self, rows: Span, cols: Span) -> Ground:
+        """The window, cut out."""
+        return InMemory(cut(self.terrain, rows, cols))
+
+    def digest(self) -> str:
+        """SHA-256 of its heights."""
+        return hashlib.sha256(np.ascontiguousarray(self.terrain.z).data).hexdigest()
+
+
+@dataclass(frozen=True)
+class InFile:
+    """A raster on disk. Nobody reads more of it at once than a window."""
+
+    raster: Raster
+    whole: Whole
+    heights: str  # the digest
+
+    def window(self, rows: Span, cols: Span) -> Terrain:
+        """Read as much as that takes."""
+        needed = [
+            nodes_needed(*span, count, self.whole.interpolation)
+            for span, count in zip((rows, cols), self.whole.shape, strict=True)
+        ]
+        return lay(self.raster.read(*needed), (needed[0][0], needed[1][0]), rows, cols, self.whole)
+
+    def sent(self, rows: Span, cols: Span) -> Ground:
+        """All that is known of the file: others read it themselves."""
+        return self
+
+    def digest(self) -> str:
+        """SHA-256 of its heights, as if they were in memory."""
+        return self.heights
+
+
+def open_ground(path: Path, band: int, interpolation: Interpolation) -> InFile:
+    """The ground in a file, after one pass over it in windows: its lowest and highest height, its digest, its bend.
+
+    Raises:
+        TerrainError: not a raster of heights (`raster.open_raster`); infinite heights, or none at all.
+    """
+    raster = open_raster(path, band)
+    rows, cols = raster.shape
+    if min(rows, cols) < (least := 4 if interpolation == "cubic" else 2):
+        raise TerrainError(f"{path.name} has {rows} x {cols} nodes; {interpolation} ground needs at least {least} each way")
+    lowest, highest, holes = math.inf, -math.inf, False
+    digest = hashlib.sha256()
+    step = max(BAND // cols, 1)
+    for row in range(0, rows, step):
+        z = raster.read((row, min(row + step, rows)), (0, cols))
+        digest.update(z.data)
+        known = np.isfinite(z)
+        if np.isinf(z).any():
+            raise TerrainError(f"{path.name} holds infinite heights; mark what is not known as no data")
+        holes |= not known.all()
+        lowest = min(lowest, float(np.min(z, where=known, initial=np.inf)))
+        highest = max(highest, float(np.max(z, where=known, initial=-np.inf)))
+    if lowest > highest:
+        raise TerrainError(f"{path.name} holds no known height: there is no ground here")
+    level = middle(lowest, highest)
+    bend = _bend(raster, level) if interpolation == "cubic" and not holes else math.inf
+    whole = Whole(raster.shape, raster.spacing, raster.origin, interpolation, raster.crs, path.stem, level, bend)
+    return InFile(raster, whole, digest.hexdigest())
+
+
+def _bend(raster: Raster, level: float) -> float:
+    """How much the spline of a file without holes bends at most."""
+    greatest = [0.0, 0.0, 0.0]
+    spans = [[(n, min(n + BLOCK, count)) for n in range(0, count, BLOCK)] for count in raster.shape]
+    for rows in spans[0]:
+        for cols in spans[1]:
+            needed = [spline.nodes_needed(*span, count) for span, count in zip((rows, cols), raster.shape, strict=True)]
+            z = raster.read(*needed) - level
+            c = spline.coefficients(z, (needed[0][0], needed[1][0]), raster.shape, rows, cols)
+            greatest = [max(pair) for pair in zip(greatest, spline.greatest_differences(c), strict=True)]
+    return spline.greatest_bend((greatest[0], greatest[1], greatest[2]), raster.spacing)
+
+
+def reach(rover: Rover) -> float:
+    """How far (m, level) from the body's reference point anything of the rover can be, whatever its joints do."""
+    farthest = float(np.linalg.norm(np.abs(rover.body_box).max(axis=0)))
+    for i in range(6):
+        side = i % 2
+        pivot, knee, hub = rover.rocker_pivot[side], rover.bogie_pivot[side], rover.hubs[i]
+        links = [pivot, hub - pivot] if i < 2 else [pivot, knee - pivot, hub - knee]
+        arm = sum(float(np.linalg.norm(link)) for link in links) + 2.0 * float(np.linalg.norm(rover.steering_offset[i]))
+        farthest = max(farthest, arm + math.hypot(rover.wheel_radius[i], 0.5 * rover.wheel_width[i]))
+    return farthest
+
+
+def nodes_under(low: float, high: float, first: float, step: float, count: int, margin: float) -> Span:
+    """The nodes of an axis that poses between low and high (m) may read, for a rover that reaches as far as `margin`."""
+    start = math.floor((low - margin - first) / step) - SPARE
+    stop = math.ceil((high + margin - first) / step) + SPARE + 1
+    return min(max(start, 0), count - 2), max(min(stop, count), 2)
