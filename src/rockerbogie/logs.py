@@ -63,7 +63,7 @@ def read_log(file: str | Path, rover: Rover, *, names: Mapping[str, str] | None 
         raise RockerbogieError(f"no log at {str(file)!r}")
     kind = path.suffix.lower()
     if kind == ".csv":
-        log = _assemble(_read_csv(path), rover, path.name, names or {})
+        log = _assemble(read_columns(path), rover, path.name, names or {})
     elif kind == ".nc":
         log = _read_netcdf(path, rover)
     elif kind == ".mcap" or path.is_dir():
@@ -81,7 +81,12 @@ def read_log(file: str | Path, rover: Rover, *, names: Mapping[str, str] | None 
     return log
 
 
-def _read_csv(path: Path) -> dict[str, Array]:
+def read_columns(path: Path) -> dict[str, Array]:
+    """Columns of a CSV file by their names, in SI: `name [unit]` at the head, or no unit.
+
+    Raises:
+        RockerbogieError: not CSV, no rows, a unit not known, or something that is no number.
+    """
     try:
         with open(path, newline="", encoding="utf-8-sig") as stream:
             rows = [row for row in csv.reader(stream) if row]

@@ -1,0 +1,1 @@
+"""Whole terrains: where a rover can go, and the way there."""

@@ -1,0 +1,272 @@
+"""Maps on file: cloud-optimised GeoTIFF for QGIS, Zarr and NetCDF (CF) for programs; and back."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import uuid
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import RockerbogieError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+ENDINGS = (".tif", ".tiff", ".zarr", ".nc")
+#: Side of a GeoTIFF's tile, and of the pieces a map is copied in, cells.
+TILE, PIECE = 256, 2048
+#: Units of a layer -> what its values are multiplied by in a GeoTIFF, and how its band's name ends.
+BANDS = {"rad": (180 / np.pi, "_deg"), "m": (1.0, "_m"), "1": (1.0, "")}
+RENAMED = {"passable": "passable_share"}
+#: The layer a GeoTIFF opens with.
+FIRST = "passable"
+
+Progress = Callable[[float], None]
+
+
+class Band(NamedTuple):
+    """One band of a GeoTIFF: a layer of the map, or one heading's."""
+
+    name: str
+    variable: str
+    heading: int | None
+    scale: float
+
+
+def write_map(maps: xr.Dataset, file: str | Path, *, per_heading: bool = False, progress: Progress | None = None) -> Path:
+    """Write a map by the file's ending; the same map gives the same bytes.
+
+    - `.tif`: a cloud-optimised GeoTIFF, float32, north up, a band a layer, named with its unit (`worst_tilt_deg`): angles
+      in degrees; nodata is nan. Summaries over headings, or every heading's layers after them with `per_heading`.
+    - `.zarr`, `.nc`: all layers as they are (SI, radians, float64), with CF's names and grid mapping.
+
+    Done in pieces: a map that is not in memory need not fit there. It is written beside its place and then moved to it.
+
+    Args:
+        maps: from `traversability`.
+        progress: called with the share done, 0 to 1.
+
+    Raises:
+        RockerbogieError: another ending, a place that cannot be written, rasterio or zarr not installed.
+    """
+    path = Path(file)
+    kind = path.suffix.lower()
+    check_ending(path)
+    tell = progress or (lambda share: None)
+    if path.is_dir() and not _is_zarr(path):
+        raise RockerbogieError(f"{str(file)!r} is a folder and no map: give another name")
+    partial = path.with_name(f".{path.stem}.{uuid.uuid4().hex[:8]}{kind}")
+    try:
+        if kind in (".tif", ".tiff"):
+            _write_geotiff(maps, partial, per_heading, tell)
+        elif kind == ".zarr":
+            _write_zarr(maps, partial)
+        else:
+            _write_netcdf(maps, partial)
+        if path.is_dir():
+            shutil.rmtree(path)
+        os.replace(partial, path)
+    except OSError as error:
+        raise RockerbogieError(f"cannot write {str(file)!r}: {error.strerror or error}") from None
+    finally:
+        shutil.rmtree(partial) if partial.is_dir() else partial.unlink(missing_ok=True)
+    tell(1.0)
+    return path
+
+
+def check_ending(path: Path) -> None:
+    """Raise where a file's ending names no way of writing a map."""
+    if path.suffix.lower() not in ENDINGS:
+        raise RockerbogieError(f"{str(path)!r} names no kind of map: end it in {', '.join(ENDINGS[:-1])} or {ENDINGS[-1]}")
+
+
+def read_map(file: str | Path) -> xr.Dataset:
+    """A map that was saved: as it was (Zarr, NetCDF), or what a GeoTIFF's bands hold, back in radians.
+
+    Zarr and NetCDF are read when looked at.
+
+    Raises:
+        RockerbogieError: no such file, or no map of this package.
+    """
+    import xarray as xr
+
+    path = Path(file)
+    check_ending(path)
+    if not path.exists():
+        raise RockerbogieError(f"no map at {str(file)!r}")
+    if path.suffix.lower() in (".tif", ".tiff"):
+        return _read_geotiff(path)
+    maps: xr.Dataset
+    try:
+        if path.suffix.lower() == ".zarr":
+            maps = xr.open_zarr(path, chunks=None, consolidated=False)
+        else:
+            maps = xr.open_dataset(path, engine="h5netcdf")
+    except ImportError as error:
+        raise RockerbogieError(f"reading {path.suffix} needs more packages ({error}): pip install 'rockerbogie[scale]'") from None
+    except (OSError, ValueError, KeyError) as error:
+        raise RockerbogieError(f"{str(file)!r} cannot be read as {path.suffix}: {' '.join(str(error).split())}") from None
+    if FIRST not in maps:
+        raise RockerbogieError(f"{str(file)!r} is no map of where a rover can go: it has no layer {FIRST!r}")
+    return maps
+
+
+def bands(maps: xr.Dataset, per_heading: bool) -> list[Band]:
+    """The bands of a map's GeoTIFF: summaries, `passable` first; then, with `per_heading`, heading by heading."""
+    found = []
+    for name, variable in maps.data_vars.items():
+        if set(variable.dims) == {"y", "x"}:
+            scale, ending = BANDS.get(variable.attrs.get("units", "1"), BANDS["1"])
+            found.append(Band(RENAMED.get(str(name), f"{name}{ending}"), str(name), None, scale))
+    found.sort(key=lambda band: band.variable != FIRST)
+    if per_heading:
+        for k, heading in enumerate(np.degrees(maps["heading"].values)):
+            for name, variable in maps.data_vars.items():
+                if "heading" in variable.dims:
+                    scale, ending = BANDS.get(variable.attrs.get("units", "1"), BANDS["1"])
+                    found.append(Band(f"{name}{ending}_h{heading:05.1f}", str(name), k, scale))
+    return found
+
+
+def _write_geotiff(maps: xr.Dataset, path: Path, per_heading: bool, tell: Progress) -> None:
+    rasterio = _rasterio()
+    from rasterio.shutil import copy
+
+    layers = bands(maps, per_heading)
+    plain = path.with_suffix(".plain.tif")  # GDAL makes a cloud-optimised file from another one
+    rows, cols = maps.sizes["y"], maps.sizes["x"]
+    profile = {
+        "driver": "GTiff", "dtype": "float32", "count": len(layers), "height": rows, "width": cols, "nodata": np.nan,
+        "crs": maps.attrs.get("crs"), "transform": transform(maps), "tiled": True, "blockxsize": TILE, "blockysize": TILE,
+        "interleave": "band", "compress": "deflate", "predictor": 3, "zlevel": 1, "bigtiff": "if_safer",
+    }  # fmt: skip
+    try:
+        with rasterio.Env(GDAL_PAM_ENABLED="NO"):
+            with rasterio.open(plain, "w", **profile) as raster:
+                _describe(raster, maps, layers)
+                windows = list(_pieces(rows, cols))
+                for n, window in enumerate(windows):
+                    _copy_piece(maps, layers, raster, window)
+                    tell(0.7 * (n + 1) / len(windows))
+            copy(
+                plain, path, driver="COG", compress="DEFLATE", predictor="YES", blocksize=TILE, bigtiff="IF_SAFER",
+                overviews="AUTO", overview_resampling="NEAREST",
+            )  # fmt: skip
+    except rasterio.errors.RasterioError as error:
+        raise OSError(str(error)) from None
+    finally:
+        plain.unlink(missing_ok=True)
+
+
+def _describe(raster: Any, maps: xr.Dataset, layers: list[Band]) -> None:
+    """Names, units and meanings into the file: what people see, and what `_read_geotiff` goes by."""
+    kept = {"attrs": maps.attrs, "heading": maps["heading"].values}
+    raster.update_tags(**{name: str(maps.attrs.get(name, "")) for name in ("rover", "terrain", "mode")}, map=_json(kept))
+    for k, band in enumerate(layers, 1):
+        variable = maps[band.variable]
+        raster.set_band_description(k, band.name)
+        raster.set_band_unit(k, "deg" if band.scale != 1 else variable.attrs.get("units", "1"))
+        about = {"variable": band.variable, "dtype": str(variable.dtype), "attrs": variable.attrs, "heading": band.heading}
+        raster.update_tags(k, long_name=variable.attrs.get("long_name", band.variable), layer=_json(about))
+
+
+def _copy_piece(maps: xr.Dataset, layers: list[Band], raster: Any, window: tuple[int, int, int, int]) -> None:
+    """One piece (first row from the north, first column, rows, columns) of every band."""
+    from rasterio.windows import Window
+
+    row, col, height, width = window
+    south = maps.sizes["y"] - row - height
+    piece = maps.isel(y=slice(south, south + height), x=slice(col, col + width))
+    loaded: tuple[str, NDArray[Any]] = ("", np.empty(0))
+    for k, band in sorted(enumerate(layers, 1), key=lambda item: (item[1].variable, item[0])):
+        if loaded[0] != band.variable:
+            dims = ("y", "x") if band.heading is None else ("heading", "y", "x")
+            loaded = band.variable, piece[band.variable].transpose(*dims).values
+        values = loaded[1] if band.heading is None else loaded[1][band.heading]
+        raster.write((values[::-1] * band.scale).astype(np.float32), k, window=Window(col, row, width, height))
+
+
+def _pieces(rows: int, cols: int) -> Iterator[tuple[int, int, int, int]]:
+    for row in range(0, rows, TILE):
+        for col in range(0, cols, PIECE):
+            yield row, col, min(TILE, rows - row), min(PIECE, cols - col)
+
+
+def transform(maps: xr.Dataset) -> Any:
+    """The affine transform of a map's raster, north up: a cell's centre is a pixel's."""
+    from rasterio.transform import from_origin
+
+    x, y = maps["x"].values, maps["y"].values
+    dx, dy = (float(c[1] - c[0]) if len(c) > 1 else float(maps.attrs["resolution"]) for c in (x, y))
+    return from_origin(float(x[0]) - dx / 2, float(y[-1]) + dy / 2, dx, dy)
+
+
+def _read_geotiff(path: Path) -> xr.Dataset:
+    import xarray as xr
+
+    rasterio = _rasterio()
+    try:
+        raster = rasterio.open(path)
+    except rasterio.errors.RasterioError as error:
+        raise RockerbogieError(f"{str(path)!r} is not a raster that GDAL can read: {error}") from None
+    with raster:
+        try:
+            about = json.loads(raster.tags()["map"])
+            layers = [json.loads(raster.tags(k)["layer"]) for k in raster.indexes]
+        except (KeyError, ValueError):
+            raise RockerbogieError(f"{str(path)!r} is a raster, but no map that rockerbogie wrote") from None
+        T = raster.transform
+        x = T.c + T.a * (np.arange(raster.width) + 0.5)
+        y = (T.f + T.e * (np.arange(raster.height) + 0.5))[::-1]
+        stack = raster.read()  # at once: a tile holds all bands
+        data: dict[str, Any] = {}
+        for k, layer in enumerate(layers, 1):
+            scale = BANDS.get(layer["attrs"].get("units", "1"), BANDS["1"])[0]
+            values = stack[k - 1, ::-1]
+            values = (values / scale if scale != 1 else values).astype(layer["dtype"])
+            if layer["heading"] is None:
+                data[layer["variable"]] = (("y", "x"), values, layer["attrs"])
+            else:
+                parts = data.setdefault(layer["variable"], (("heading", "y", "x"), [], layer["attrs"]))[1]
+                parts.append(values)
+    for name, (dims, values, attrs) in data.items():
+        data[name] = (dims, np.stack(values) if isinstance(values, list) else values, attrs)
+    return xr.Dataset(data, {"heading": ("heading", about["heading"], {"units": "rad"}), "y": y, "x": x}, about["attrs"])
+
+
+def _write_zarr(maps: xr.Dataset, path: Path) -> None:
+    try:
+        import zarr  # noqa: F401
+    except ImportError:
+        raise RockerbogieError("writing .zarr needs zarr: pip install 'rockerbogie[scale]'") from None
+    for variable in maps.variables.values():
+        variable.encoding.pop("chunks", None)  # those of the file it was read from need not fit
+    maps.to_zarr(path, mode="w", consolidated=False, zarr_format=3)
+
+
+def _write_netcdf(maps: xr.Dataset, path: Path) -> None:
+    pressed = {name: {"zlib": True, "complevel": 4, "shuffle": True} for name in maps.data_vars if maps[name].ndim >= 2}
+    maps.to_netcdf(path, engine="h5netcdf", encoding=pressed)
+
+
+def _is_zarr(path: Path) -> bool:
+    return (path / "zarr.json").exists() or (path / ".zgroup").exists()
+
+
+def _json(value: Any) -> str:
+    """JSON of attributes, arrays as lists; keys in order, so that equal maps give equal bytes."""
+    return json.dumps(value, sort_keys=True, default=lambda v: v.tolist() if hasattr(v, "tolist") else str(v))
+
+
+def _rasterio() -> Any:
+    try:
+        import rasterio
+    except ImportError:
+        raise RockerbogieError("GeoTIFF needs rasterio: pip install 'rockerbogie[geo]'") from None
+    return rasterio

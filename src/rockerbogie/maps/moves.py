@@ -1,0 +1,204 @@
+"""Ways from cell to cell and from heading to heading of a map, and the graph they make."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fractions import Fraction
+from itertools import pairwise
+from math import ceil, floor, gcd, hypot, isfinite, pi, tan
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..rover import Rover
+
+Array = NDArray[np.float64]
+#: A state relative to another: index of the heading, cells to the east (x), cells to the north (y).
+Place = tuple[int, int, int]
+
+#: Headings further apart than this are no neighbours: what lies between was not looked at.
+WIDEST_TURN = pi / 2
+#: How far a steered wheel is taken to turn, where a rover has too few of them to turn in place.
+STEERING_LIMIT = pi / 4
+#: Longest grid step looked for, cells: enough for 64 headings.
+LONGEST_STEP = 10
+
+
+class Move(NamedTuple):
+    """One way out of every state of one heading."""
+
+    way: tuple[Place, ...]  # all that must be passable, from the state left to the one reached
+    length: float  # over the ground, m
+    turn: float  # rad, either way
+
+    @property
+    def end(self) -> Place:
+        """The state reached."""
+        return self.way[-1]
+
+
+def turns_in_place(rover: Rover) -> bool:
+    """Whether a rover can: the four corner wheels steer."""
+    return bool(rover.steers[[0, 1, 4, 5]].all())
+
+
+def turning_radius(rover: Rover) -> float:
+    """The tightest arc of a rover that steers with fewer than four corners, m: its steered wheels turned by 45°."""
+    if not rover.steers.any():
+        return float("inf")
+    fixed = rover.hubs[~rover.steers, 0].mean()
+    steered = rover.hubs[rover.steers]
+    return float((np.abs(steered[:, 0] - fixed) / tan(STEERING_LIMIT) + np.abs(steered[:, 1])).max())
+
+
+def grid_steps(heading: Array, cell: tuple[float, float] = (1.0, 1.0)) -> list[tuple[int, int]]:
+    """For each heading (n,), rad, the shortest step (cells east, cells north) that is nearer to it than to any other.
+
+    On square cells four even headings give a chess rook's steps, eight the king's, sixteen the king's and the knight's.
+    (0, 0) where headings are too close for any step of `LONGEST_STEP` cells.
+
+    Args:
+        cell: (dx, dy), m.
+    """
+    order = np.argsort(heading % (2 * pi))
+    gap = np.diff(np.append(heading[order] % (2 * pi), (heading[order][0] % (2 * pi)) + 2 * pi))
+    around = range(-LONGEST_STEP, LONGEST_STEP + 1)
+    straight = [(a, b) for a in around for b in around if gcd(a, b) == 1]
+    steps: list[tuple[int, int]] = [(0, 0)] * len(heading)
+    for k, index in enumerate(order):
+        room = {1: min(gap[k], pi) / 2, -1: min(gap[k - 1], pi) / 2}  # to the left, to the right
+        off = {s: _turn(np.arctan2(s[1] * cell[1], s[0] * cell[0]) - heading[index]) for s in straight}
+        fits = [s for s in straight if abs(off[s]) < room[1 if off[s] > 0 else -1] * (1 - 1e-9)]
+        steps[index] = min(fits, key=lambda s: (hypot(*s), abs(off[s])), default=(0, 0))
+    return steps
+
+
+def swept(step: tuple[int, int]) -> list[tuple[int, int]]:
+    """Cells that the straight line between two cells' centres runs through, first and last with them, in order."""
+    a, b = step
+    cuts = {Fraction(0), Fraction(1)}
+    for size in (abs(a), abs(b)):
+        cuts |= {Fraction(2 * k + 1, 2 * size) for k in range(size)}
+    edges = sorted(cuts)
+    middle = [(s + t) / 2 for s, t in pairwise(edges)]
+    return [(floor(a * t + Fraction(1, 2)), floor(b * t + Fraction(1, 2))) for t in middle]
+
+
+def moves(heading: Array, cell: tuple[float, float], in_place: bool, radius: float, backward: bool) -> list[list[Move]]:
+    """The ways out of each heading (n,), rad, on cells of (dx, dy) m: docs/maps.md, "plan".
+
+    Args:
+        in_place: turn to the neighbouring headings on the spot; else only on arcs no tighter than `radius`, m.
+        backward: drive backwards too.
+    """
+    steps = grid_steps(heading, cell)
+    signs = (1, -1) if backward else (1,)
+    out: list[list[Move]] = []
+    for k, step in enumerate(steps):
+        ways = [_leg(k, step, sign, cell) for sign in signs if step != (0, 0)]
+        for other, angle in _neighbours(heading, k):
+            if in_place:
+                ways.append(Move(((k, 0, 0), (other, 0, 0)), 0.0, angle))
+            elif (0, 0) not in (step, steps[other]) and isfinite(radius):
+                ways += [_arc((k, step), (other, steps[other]), angle, radius, sign, cell) for sign in signs]
+        out.append(ways)
+    return out
+
+
+def graph(
+    passable: NDArray[np.bool_], risk: NDArray[np.floating[Any]], ways: list[list[Move]], turn_cost: float
+) -> tuple[Any, NDArray[np.int32]]:
+    """The moves between passable states (heading, y, x) as a sparse matrix of costs, and each state's row in it (or -1).
+
+    A move's cost is its length times 1 + the mean risk of the states on its way, and `turn_cost` m a radian turned.
+    """
+    from scipy.sparse import csr_array
+
+    number = np.full(passable.shape, -1, dtype=np.int32)
+    number[passable] = np.arange(np.count_nonzero(passable), dtype=np.int32)
+    where, to, cost = [0], [], []
+    for k, out in enumerate(ways):
+        found = [_one_move(passable, risk, number, k, move, turn_cost) for move in out]
+        if not found:
+            where += [where[-1]] * int(passable[k].sum())
+            continue
+        target = np.stack([f[0] for f in found], axis=-1)
+        price = np.stack([f[1] for f in found], axis=-1)
+        real = target >= 0
+        to.append(target[real])
+        cost.append(price[real])
+        where = np.append(where, where[-1] + np.cumsum(real.sum(axis=-1)))  # type: ignore[assignment]
+    size = len(where) - 1
+    data = np.concatenate(cost) if cost else np.zeros(0)
+    ends = np.concatenate(to) if to else np.zeros(0, dtype=np.int32)
+    return csr_array((data, ends, np.asarray(where, dtype=np.int64)), shape=(size, size)), number
+
+
+def _one_move(
+    passable: NDArray[np.bool_],
+    risk: NDArray[np.floating[Any]],
+    number: NDArray[np.int32],
+    k: int,
+    move: Move,
+    turn_cost: float,
+) -> tuple[NDArray[np.int32], Array]:
+    """Where a move leads from each passable state of heading k, by its number or -1, and at what cost."""
+    rows, cols = passable.shape[1:]
+    east, north = np.array([p[1] for p in move.way]), np.array([p[2] for p in move.way])
+    low_x, high_x = max(0, -east.min()), cols - max(0, east.max())
+    low_y, high_y = max(0, -north.min()), rows - max(0, north.max())
+    target = np.full((rows, cols), -1, dtype=np.int32)
+    price = np.zeros((rows, cols))
+    if low_x < high_x and low_y < high_y:
+
+        def seen(values: NDArray[Any], place: Place) -> NDArray[Any]:
+            h, a, b = place
+            return values[h, low_y + b : high_y + b, low_x + a : high_x + a]
+
+        here = (slice(low_y, high_y), slice(low_x, high_x))
+        free = np.logical_and.reduce([seen(passable, p) for p in move.way])
+        target[here] = np.where(free, seen(number, move.end), -1)
+        mean = sum(seen(risk, p).astype(float) for p in move.way) / len(move.way)
+        price[here] = move.length * (1 + mean) + turn_cost * move.turn
+    return target[passable[k]], price[passable[k]]
+
+
+def _leg(k: int, step: tuple[int, int], sign: int, cell: tuple[float, float]) -> Move:
+    way = tuple((k, sign * a, sign * b) for a, b in swept(step))
+    return Move(way, hypot(step[0] * cell[0], step[1] * cell[1]), 0.0)
+
+
+def _arc(
+    first: tuple[int, tuple[int, int]],
+    then: tuple[int, tuple[int, int]],
+    angle: float,
+    radius: float,
+    sign: int,
+    cell: tuple[float, float],
+) -> Move:
+    """Steps along the first heading, then as many along the other, with room in the corner for an arc of `radius` m."""
+    lengths = [hypot(s[0] * cell[0], s[1] * cell[1]) for _, s in (first, then)]
+    count = max(1, ceil(radius * tan(angle / 2) / min(lengths) - 1e-9))
+    way: list[Place] = []
+    x = y = 0
+    for k, (a, b) in (first, then):
+        for _ in range(count):
+            way += [(k, x + sign * p, y + sign * q) for p, q in swept((a, b))]
+            x, y = x + sign * a, y + sign * b
+    return Move(tuple(dict.fromkeys(way)), count * sum(lengths), angle)
+
+
+def _neighbours(heading: Array, k: int) -> Iterator[tuple[int, float]]:
+    """The next headings to the left and to the right of heading k, and how far they are, rad."""
+    off = np.array([_turn(h - heading[k]) for h in heading])
+    for side in (1, -1):
+        ahead = np.flatnonzero((side * off > 1e-9) & (side * off <= WIDEST_TURN + 1e-9))
+        if ahead.size:
+            nearest = int(ahead[np.argmin(side * off[ahead])])
+            yield nearest, float(abs(off[nearest]))
+
+
+def _turn(angle: float) -> float:
+    """An angle within half a turn either way, rad."""
+    return float((angle + pi) % (2 * pi) - pi)
