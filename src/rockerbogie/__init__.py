@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from .jacobian import system_jacobian as system_jacobian
     from .jacobian import wheel_jacobians as wheel_jacobians
     from .logs import read_log as read_log
+    from .maps.plan import plan as plan
+    from .maps.route import Plan as Plan
     from .mjcf import to_mjcf as to_mjcf
     from .navigation import Noise as Noise
     from .navigation import body_twist as body_twist
@@ -46,6 +48,8 @@ if TYPE_CHECKING:
     from .odometry import flat_odometry as flat_odometry
     from .odometry import odometry as odometry
     from .path import Path as Path
+    from .places import LogMap as LogMap
+    from .places import read_places as read_places
     from .pose import Pose as Pose
     from .rosbag import write_mcap as write_mcap
     from .rover import Link as Link
@@ -55,6 +59,7 @@ if TYPE_CHECKING:
     from .slip import wheel_slip as wheel_slip
     from .status import Status as Status
     from .terrain import Terrain as Terrain
+    from .validate import validate as validate
 
 #: Public name -> the module that holds it; none where the name is a module itself.
 _EXPORTS = {
@@ -99,6 +104,11 @@ _EXPORTS = {
     "simulate": "simulate",
     "settle_along": "compare",
     "compare": "compare",
+    "validate": "validate",
+    "read_places": "places",
+    "LogMap": "places",
+    "plan": "maps.plan",
+    "Plan": "maps.route",
 }
 
 __all__ = ["__version__", *_EXPORTS]  # noqa: PLE0604
