@@ -156,3 +156,58 @@ def test_wrong_calls_say_so():
         rb.wheel_jacobians(rover, level, [0, 0, 0.1, 0, 0, 0])
     with pytest.raises(rb.RockerbogieError, match=r"contact_angle has shape \(5,\)"):
         rb.wheel_jacobians(rover, SimpleNamespace(rocker=0.0, bogie=np.zeros(2), contact_angle=np.zeros(5)))
+
+
+@pytest.mark.nojit
+def test_memory_given_is_filled_with_the_same_and_frames_come_along():
+    rng = np.random.default_rng(7)
+    rover = uneven(random_rover(rng))
+    pose, steering = random_stance(rng, (5, 7), rover)  # more than one block, and not a whole number of them
+    J = rb.wheel_jacobians(rover, pose, steering)
+    out, frames = np.full(J.shape, np.nan), np.full((5, 7, 6, 4, 4), np.nan)
+    assert rb.wheel_jacobians(rover, pose, steering, out=out, frames=frames) is out
+    assert np.array_equal(out, J)
+    assert_close(frames, wheel_frames(rover, pose.rocker, pose.bogie, steering), 1e-14, "m", "the same cascade")
+    for at in np.ndindex(5, 7):
+        one = SimpleNamespace(rocker=pose.rocker[at], bogie=pose.bogie[at], contact_angle=pose.contact_angle[at])
+        assert np.array_equal(rb.wheel_jacobians(rover, one, steering[at]), J[at]), "a pose knows nothing of its neighbours"
+
+
+@pytest.mark.nojit
+def test_unknown_and_enormous_angles():
+    rover = paper_rover()
+    rng = np.random.default_rng(8)
+    pose, steering = random_stance(rng, (20,), rover)
+    J = rb.wheel_jacobians(rover, pose, steering)
+    turns = 2 * np.pi * rng.integers(-(10**6), 10**6, (20, 6))
+    pose.contact_angle = pose.contact_angle + turns
+    assert_close(rb.wheel_jacobians(rover, pose, steering), J, 1e-8, "m/rad", "whole turns, rounded to 1e-9 rad in the sum")
+    pose.rocker[3] = np.nan
+    again = rb.wheel_jacobians(rover, pose, steering)
+    assert np.isnan(again[3, :, 0, 4]).all()
+    assert not again[3, 0, :, 1:3].any(), "a bogie does not carry the rocker's wheel, whatever its angle"
+    assert np.isfinite(np.delete(again, 3, axis=0)).all()
+
+
+def test_memory_that_cannot_be_filled_is_refused():
+    rover = paper_rover()
+    level = SimpleNamespace(rocker=np.zeros(3), bogie=np.zeros((3, 2)), contact_angle=np.zeros((3, 6)))
+    for out in (np.empty((2, 6, 6, 9)), np.empty((3, 6, 6, 9), dtype=np.float32), np.empty((6, 6, 6, 9))[::2], [0.0]):
+        with pytest.raises(rb.RockerbogieError, match=r"numpy.empty\(\(3, 6, 6, 9\)\)"):
+            rb.wheel_jacobians(rover, level, out=out)
+    with pytest.raises(rb.RockerbogieError, match=r"frames is float64 \(3, 4, 4\)"):
+        rb.wheel_jacobians(rover, level, frames=np.empty((3, 4, 4)))
+
+
+@pytest.mark.nojit
+def test_sines_of_many_angles():
+    from rockerbogie._kernels.sincos import FAR, sincos
+
+    rng = np.random.default_rng(9)
+    angle = np.concatenate(
+        [rng.normal(0, 1, 2000), rng.uniform(-FAR, FAR, 2000), np.arange(-40, 40) * np.pi / 4, [0.0, -0.0, np.nan]]
+    )
+    sine, cosine = np.empty_like(angle), np.empty_like(angle)
+    sincos(angle, angle.size, sine, cosine)
+    assert_close(sine, np.sin(angle), 2.3e-16, "", "two units in the last place of one")
+    assert_close(cosine, np.cos(angle), 2.3e-16, "", "two units in the last place of one")

@@ -16,6 +16,11 @@ def spanned(array: Array, shape: tuple[int, ...]) -> Array:
     return array if array.shape == shape else np.broadcast_to(array, shape)
 
 
+def once(array: Array) -> Array:
+    """What a broadcast array holds, each item once: the axes along which it only repeats have length 1 (or 0)."""
+    return array[tuple(slice(0, 1) if step == 0 else slice(None) for step in array.strides)]
+
+
 def pieces(shape: tuple[int, ...], most: int) -> Iterator[tuple[int | slice | EllipsisType, ...]]:
     """Indices of runs of at most `most` items that together are the whole shape, in memory's order.
 
@@ -35,13 +40,11 @@ def pieces(shape: tuple[int, ...], most: int) -> Iterator[tuple[int | slice | El
             yield (*head, slice(start, start + step))
 
 
-def flat(array: Array) -> Array:
-    """(n,) contiguous and writable, always a copy: kernels are compiled for that kind of array alone."""
-    return np.array(array, order="C").reshape(-1)
+def flat(array: Array, *tail: int) -> Array:
+    """(n, *tail) contiguous and writable, for kernels are compiled for that kind of array alone; a copy of any other."""
+    return (array if array.flags.carray else np.array(array, order="C")).reshape(-1, *tail)
 
 
 def flat_steering(steering: Array) -> Array:
     """(n, 6) as `flat`, or (1, 6) where one steering serves all."""
-    if not any(steering.strides[:-1]):
-        steering = steering[(slice(0, 1),) * (steering.ndim - 1)]
-    return np.array(steering, order="C").reshape(-1, 6)
+    return flat(steering if any(steering.strides[:-1]) else steering[(slice(0, 1),) * (steering.ndim - 1)], 6)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .batches import once, spanned
 from .errors import RockerbogieError, expect
 from .rover import LOAD_ROVER, Rover
 
@@ -30,7 +31,7 @@ def joint_angles(rover: Rover, rocker: ArrayLike, bogie: ArrayLike, steering: Ar
         raise RockerbogieError(f"bogie has shape {b.shape}; its last axis must be 2 (left, right)")
     s = check_steering(rover, steering)
     shape = np.broadcast_shapes(q.shape, b.shape[:-1], s.shape[:-1])
-    return np.broadcast_to(q, shape), np.broadcast_to(b, (*shape, 2)), np.broadcast_to(s, (*shape, 6))
+    return spanned(q, shape), spanned(b, (*shape, 2)), spanned(s, (*shape, 6))
 
 
 def check_steering(rover: Rover, steering: ArrayLike | None) -> Array:
@@ -41,11 +42,12 @@ def check_steering(rover: Rover, steering: ArrayLike | None) -> Array:
     s = np.asarray(steering, dtype=float)
     if s.shape[-1:] != (6,):
         raise RockerbogieError(f"steering has shape {s.shape}; its last axis must be 6, one angle a wheel (0 where none steers)")
-    if not np.isfinite(s).all():
+    said = once(s)
+    if not np.isfinite(said).all():
         raise RockerbogieError("steering holds an angle that is not finite")
-    fixed = ~rover.steers & (s != 0).reshape(-1, 6).any(axis=0)
-    if fixed.any():
-        names = ", ".join(n for n, bad in zip(rover.wheel_names, fixed, strict=True) if bad)
+    if (np.abs(said) @ ~rover.steers).any():  # a product, for that is quicker than to look down six columns
+        turned = said.reshape(-1, 6).any(axis=0) & ~rover.steers
+        names = ", ".join(n for n, bad in zip(rover.wheel_names, turned, strict=True) if bad)
         raise RockerbogieError(f"wheel {names} of rover {rover.name!r} does not steer: give it 0")
     return s
 

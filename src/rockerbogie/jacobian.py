@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._kernels import jacobians as kernel
 from ._kernels.jit import spread
+from .batches import flat, flat_steering, spanned
 from .errors import RockerbogieError
-from .frames import check_steering, contact_frames, joint_angles, wheel_frames
+from .frames import contact_frames, joint_angles, wheel_frames
 from .rover import Rover
 
 Array = NDArray[np.float64]
@@ -74,16 +75,22 @@ def stance_angles(rover: Rover, pose: Stance, steering: ArrayLike | None) -> tup
     """
     if steering is None:
         steering = getattr(pose, "steering", None)
-    q, b, s = joint_angles(rover, pose.rocker, pose.bogie, check_steering(rover, steering))
+    q, b, s = joint_angles(rover, pose.rocker, pose.bogie, steering)
     delta = np.asarray(pose.contact_angle, dtype=float)
     if delta.shape[-1:] != (6,):
         raise RockerbogieError(f"contact_angle has shape {delta.shape}; its last axis must be 6, one angle a wheel")
     shape = np.broadcast_shapes(q.shape, delta.shape[:-1])
-    wide = (*shape, 6)
-    return np.broadcast_to(q, shape), np.broadcast_to(b, (*shape, 2)), np.broadcast_to(s, wide), np.broadcast_to(delta, wide)
+    return spanned(q, shape), spanned(b, (*shape, 2)), spanned(s, (*shape, 6)), spanned(delta, (*shape, 6))
 
 
-def wheel_jacobians(rover: Rover, pose: Stance, steering: ArrayLike | None = None) -> Array:
+def wheel_jacobians(
+    rover: Rover,
+    pose: Stance,
+    steering: ArrayLike | None = None,
+    *,
+    out: Array | None = None,
+    frames: Array | None = None,
+) -> Array:
     """J (..., 6, 6, 9) of eq. 9: body twist = J[i] · rates, for each wheel i.
 
     Rows are the twist (vx, vy, vz, ωx, ωy, ωz) of the body against the ground, in the body frame, m/s and rad/s.
@@ -91,19 +98,32 @@ def wheel_jacobians(rover: Rover, pose: Stance, steering: ArrayLike | None = Non
     that turns at ω to its link rolls ω − contact_angle's rate. A wheel that does not steer has zeros under `steering`;
     through the differential, `rocker` (the left one's rate) moves the right wheels by its derivative.
 
+    A pose's Jacobians are 2.6 kB: in a loop over batches, fresh memory for them costs more than working them out. Give
+    `out`, and take batches of some thousand poses, which stay near the processor.
+
     Args:
         pose: rocker (...), bogie (..., 2), contact_angle (..., 6), rad: a `Pose`, or anything that has them.
         steering: (..., 6) rad; default the pose's own.
+        out: (..., 6, 6, 9) contiguous, to fill and return instead of a new array; what was in it is no matter.
+        frames: (..., 6, 4, 4) contiguous, filled too if given: T_body_axle as `wheel_frames` has it, for next to nothing.
 
     Raises:
         RockerbogieError: a shape that does not fit, or steering on a wheel that does not steer.
     """
     q, b, s, delta = stance_angles(rover, pose, steering)
-    J = np.zeros((q.size, 6, 6, 9))
-    flat = [np.ascontiguousarray(a.reshape(q.size, *a.shape[q.ndim :])) for a in (q, b, s, delta)]
-    spread(kernel.wheel_jacobians_batch, q.size, rover.packed, *flat, J)
-    J[:, ~rover.steers, :, kernel.STEERING] = 0.0
-    return J.reshape(*q.shape, 6, 6, 9)
+    J = np.empty((*q.shape, 6, 6, 9)) if out is None else _given("out", out, (*q.shape, 6, 6, 9))
+    T = np.empty((0, 6, 4, 4)) if frames is None else _given("frames", frames, (*q.shape, 6, 4, 4))
+    angles = (flat(q), flat(b, 2), flat_steering(s), flat(delta, 6))
+    spread(kernel.wheel_jacobians_batch, q.size, rover.packed, rover.steers, *angles, flat(J, 6, 6, 9), flat(T, 6, 4, 4))
+    return J
+
+
+def _given(name: str, array: Array, shape: tuple[int, ...]) -> Array:
+    """The caller's own array, if it can be filled."""
+    if not isinstance(array, np.ndarray) or array.shape != shape or array.dtype != float or not array.flags.carray:
+        found = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else f"{array!r:.60}"
+        raise RockerbogieError(f"{name} is {found}; give a contiguous, writable array: numpy.empty({shape})")
+    return array
 
 
 def system_jacobian(rover: Rover, pose: Stance, steering: ArrayLike | None = None) -> Array:

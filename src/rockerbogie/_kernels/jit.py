@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import gc
+import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
-from numba.core import cgutils
+from numba.core import cgutils, event, types
 from numba.extending import intrinsic
 
 
@@ -26,12 +28,58 @@ def _drop_stale_cache() -> None:
 
 _drop_stale_cache()
 
+
+class _Herald(event.Listener):  # type: ignore[misc]
+    """Says once, where someone is watching, that kernels are being compiled, and rests the garbage collector meanwhile:
+    nothing is thrown away, and to look for it took an eighth of the time."""
+
+    def __init__(self) -> None:
+        self.depth, self.said, self.collects = 0, False, False
+
+    def on_start(self, _: event.Event) -> None:
+        self.depth += 1
+        if self.depth > 1:  # a kernel that another calls
+            return
+        self.collects = gc.isenabled()
+        gc.disable()
+        if not self.said and sys.stderr is not None and sys.stderr.isatty():
+            print("rockerbogie: compiling kernels for this machine, some 20 s, once", file=sys.stderr, flush=True)
+        self.said = True
+
+    def on_end(self, _: event.Event) -> None:
+        self.depth -= 1
+        if self.depth == 0 and self.collects:
+            gc.enable()
+
+
+event.register("numba:compile", _Herald())
+
 F = TypeVar("F", bound=Callable[..., Any])
+
+
+def _compiled(function: F, **how: Any) -> Any:
+    """One compiled kernel, whatever numbers written out it is called with: numba would compile it again for f(0) and f(1)."""
+    made = numba.njit(cache=True, error_model="numpy", **how)(function)
+    if not numba.config.DISABLE_JIT:
+        chosen = made.get_call_template
+        made.get_call_template = lambda args, kws: chosen(tuple(_any_integer(a) for a in args), kws)
+    return made
+
+
+def _any_integer(kind: Any) -> Any:
+    return types.unliteral(kind) if isinstance(kind, types.IntegerLiteral) else kind  # type: ignore[attr-defined]
 
 
 def njit(function: F) -> F:
     """Compile a scalar kernel. It runs without Python's lock, so that threads can share a batch."""
-    return numba.njit(cache=True, error_model="numpy", nogil=True)(function)
+    made: F = _compiled(function, nogil=True)
+    return made
+
+
+def fused(function: F) -> F:
+    """As `njit`; a product and the sum it goes into may be rounded once, together, where the machine can."""
+    made: F = _compiled(function, nogil=True, fastmath={"contract"})
+    return made
 
 
 def inlined(function: F) -> F:
