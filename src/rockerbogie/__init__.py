@@ -39,8 +39,10 @@ if TYPE_CHECKING:
     from .jacobian import system_jacobian as system_jacobian
     from .jacobian import wheel_jacobians as wheel_jacobians
     from .logs import read_log as read_log
+    from .maps.limits import Limits as Limits
     from .maps.plan import plan as plan
     from .maps.route import Plan as Plan
+    from .maps.traversability import traversability as traversability
     from .mjcf import to_mjcf as to_mjcf
     from .navigation import Noise as Noise
     from .navigation import body_twist as body_twist
@@ -107,6 +109,8 @@ _EXPORTS = {
     "validate": "validate",
     "read_places": "places",
     "LogMap": "places",
+    "traversability": "maps.traversability",
+    "Limits": "maps.limits",
     "plan": "maps.plan",
     "Plan": "maps.route",
 }

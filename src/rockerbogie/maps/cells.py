@@ -1,0 +1,112 @@
+"""The places of a map: cells on the ground's own lattice, in tiles that are settled one by one and chunks of tiles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import RockerbogieError
+from ..terrain import Whole
+
+Array = NDArray[np.float64]
+Span = tuple[int, int]  # first, one past the last
+
+#: Cells a side of a tile: what is settled at once, and how a store lays its layers out, whatever the chunks.
+TILE = 128
+
+
+class Tile(NamedTuple):
+    """A rectangle of cells."""
+
+    rows: Span
+    cols: Span
+
+    @property
+    def region(self) -> tuple[slice, slice]:
+        """Its part of a layer (y, x)."""
+        return slice(*self.rows), slice(*self.cols)
+
+    @property
+    def size(self) -> int:
+        """Cells in it."""
+        return (self.rows[1] - self.rows[0]) * (self.cols[1] - self.cols[0])
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Cell centres x0 + (first + k)·step, k = 0.. on each axis; x first."""
+
+    origin: tuple[float, float]  # the ground's first node, m
+    step: tuple[float, float]  # m
+    first: tuple[int, int]
+    size: tuple[int, int]  # cols, rows
+
+    def x(self, cols: Span) -> Array:
+        """(n,) of columns, m. The same to the last bit however they are cut."""
+        return self._places(0, cols)
+
+    def y(self, rows: Span) -> Array:
+        """(n,) of rows, m."""
+        return self._places(1, rows)
+
+    def _places(self, axis: int, span: Span) -> Array:
+        first = self.first[axis]
+        return self.origin[axis] + self.step[axis] * np.arange(first + span[0], first + span[1], dtype=float)
+
+    def tiles(self) -> Iterator[Tile]:
+        """All of the map, tile by tile."""
+        yield from self._rectangles(TILE)
+
+    def chunks(self, side: int) -> Iterator[list[Tile]]:
+        """All of the map's tiles, in squares of `side` cells."""
+        for whole in self._rectangles(side):
+            yield [
+                Tile((row, min(row + TILE, whole.rows[1])), (col, min(col + TILE, whole.cols[1])))
+                for row in range(*whole.rows, TILE)
+                for col in range(*whole.cols, TILE)
+            ]
+
+    def _rectangles(self, side: int) -> Iterator[Tile]:
+        cols, rows = self.size
+        for row in range(0, rows, side):
+            for col in range(0, cols, side):
+                yield Tile((row, min(row + side, rows)), (col, min(col + side, cols)))
+
+
+def cells_over(ground: Whole, resolution: float | None, bounds: tuple[float, float, float, float] | None) -> Cells:
+    """The cells of a map: every `resolution` m from the ground's first node on (None: the nodes themselves), or those of
+    them whose centres lie within bounds (xmin, ymin, xmax, ymax).
+
+    Raises:
+        RockerbogieError: a resolution that is no length, bounds that hold no cell.
+    """
+    step = ground.spacing
+    if resolution is not None:
+        try:
+            length = float(resolution)
+        except (TypeError, ValueError):
+            length = math.nan
+        if not (math.isfinite(length) and length > 0):
+            raise RockerbogieError(f"resolution is {resolution!r}: give the side of a cell, a finite number of metres above 0")
+        step = (length, length)
+    nodes = ground.shape[::-1]
+    last = [math.floor((n - 1) * d / s + 1e-6) for n, d, s in zip(nodes, ground.spacing, step, strict=True)]
+    first = [0, 0]
+    if bounds is not None:
+        box = np.asarray(bounds, dtype=float)
+        if box.shape != (4,) or not np.isfinite(box).all() or not (box[:2] <= box[2:]).all():
+            raise RockerbogieError(f"bounds are {bounds}: give (xmin, ymin, xmax, ymax), min not above max, in metres")
+        for axis in (0, 1):
+            low, high = ((box[axis + k] - ground.origin[axis]) / step[axis] for k in (0, 2))
+            first[axis], last[axis] = max(math.ceil(low - 1e-6), 0), min(math.floor(high + 1e-6), last[axis])
+        if first[0] > last[0] or first[1] > last[1]:
+            (x0, y0), (dx, dy), (rows, cols) = ground.origin, ground.spacing, ground.shape
+            spans = f"({x0:.10g}, {y0:.10g}, {x0 + (cols - 1) * dx:.10g}, {y0 + (rows - 1) * dy:.10g})"
+            raise RockerbogieError(f"bounds {tuple(bounds)} hold no cell of {ground.name}, which spans {spans}")
+    size = (last[0] - first[0] + 1, last[1] - first[1] + 1)
+    return Cells(ground.origin, step, (first[0], first[1]), size)

@@ -1,0 +1,121 @@
+"""What a map holds: its layers, their units and meanings, and the Dataset they make."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import RockerbogieError, unknown_name
+from ..status import Status
+from .limits import BITS
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+class Layer(NamedTuple):
+    """One variable of a map."""
+
+    per_heading: bool  # (heading, y, x), or a summary (y, x)
+    kind: str  # NumPy's name of its numbers
+    units: str
+    long_name: str
+
+    @property
+    def dims(self) -> tuple[str, ...]:
+        """Its axes."""
+        return ("heading", "y", "x") if self.per_heading else ("y", "x")
+
+    @property
+    def blank(self) -> float:
+        """What it holds where nothing has been written."""
+        return 0 if self.kind == "uint8" else math.nan
+
+
+LAYERS = {
+    "status": Layer(True, "uint8", "1", "status of the settled pose"),
+    "tilt": Layer(True, "float64", "rad", "angle between the body's z and the vertical"),
+    "roll": Layer(True, "float64", "rad", "roll"),
+    "pitch": Layer(True, "float64", "rad", "pitch, nose down positive"),
+    "rocker": Layer(True, "float64", "rad", "left rocker angle"),
+    "bogie_left": Layer(True, "float64", "rad", "left bogie angle to its rocker"),
+    "bogie_right": Layer(True, "float64", "rad", "right bogie angle to its rocker"),
+    "clearance": Layer(True, "float64", "m", "least height of the body's box over the ground"),
+    "exceeded": Layer(True, "uint8", "1", "limits exceeded"),
+    "passable": Layer(False, "float32", "1", "share of headings at which no limit is exceeded"),
+    "worst_tilt": Layer(False, "float64", "rad", "greatest tilt over all headings"),
+    "best_tilt": Layer(False, "float64", "rad", "least tilt over all headings"),
+    "best_heading": Layer(False, "float64", "rad", "passable heading of least tilt, from +x, counter-clockwise"),
+    "worst_clearance": Layer(False, "float64", "m", "least clearance over all headings"),
+    "worst_exceeded": Layer(False, "uint8", "1", "limits exceeded at any heading"),
+}
+
+
+def chosen_layers(names: Iterable[str] | None) -> tuple[str, ...]:
+    """Layer names in their order; None is all of them.
+
+    Raises:
+        RockerbogieError: a name that is no layer, or none at all.
+    """
+    if names is None:
+        return tuple(LAYERS)
+    asked = [names] if isinstance(names, str) else list(names)
+    for name in asked:
+        if name not in LAYERS:
+            raise RockerbogieError(unknown_name("layer", str(name), LAYERS))
+    if not asked:
+        raise RockerbogieError(f"layers is empty: name some of {', '.join(LAYERS)}, or give None for all")
+    return tuple(name for name in LAYERS if name in asked)
+
+
+def attributes(name: str, crs: str | None) -> dict[str, Any]:
+    """A layer's attributes, by the CF conventions."""
+    layer = LAYERS[name]
+    given: dict[str, Any] = {"units": layer.units, "long_name": layer.long_name}
+    if name == "status":
+        given["flag_values"] = np.array([int(code) for code in Status], dtype=np.uint8)
+        given["flag_meanings"] = " ".join(code.name for code in Status)
+    if name.endswith("exceeded"):
+        given["flag_masks"] = np.array(list(BITS.values()), dtype=np.uint8)
+        given["flag_meanings"] = " ".join(BITS)
+    if crs:
+        given["grid_mapping"] = "spatial_ref"
+    return given
+
+
+def dataset(
+    data: Mapping[str, Any], heading: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64], about: dict[str, Any]
+) -> xr.Dataset:
+    """The map's Dataset: layers by name, NumPy's or lazy ones, and what the map says of itself."""
+    import xarray as xr
+
+    crs = about.get("crs")
+    coords: dict[str, Any] = {
+        "heading": ("heading", heading, {"units": "rad", "long_name": "heading from +x, counter-clockwise"}),
+        **{
+            axis: (axis, at, {"units": "m", "long_name": f"{axis} of the cell's centre", "axis": axis.upper(),
+                              "standard_name": f"projection_{axis}_coordinate"})
+            for axis, at in (("y", y), ("x", x))
+        },
+    }  # fmt: skip
+    if crs:
+        coords["spatial_ref"] = ((), np.int64(0), _grid_mapping(crs))
+    layers = {name: (LAYERS[name].dims, data[name], attributes(name, crs)) for name in data}
+    return xr.Dataset(layers, coords, about)
+
+
+def _grid_mapping(crs: str) -> dict[str, str]:
+    """A CRS as CF's grid mapping variable holds it."""
+    try:
+        from rasterio.crs import CRS
+        from rasterio.errors import CRSError
+    except ImportError:
+        return {"crs_wkt": crs, "spatial_ref": crs}
+    with contextlib.suppress(CRSError):  # a name that GDAL does not know is kept as it is
+        crs = str(CRS.from_user_input(crs).to_wkt())
+    return {"crs_wkt": crs, "spatial_ref": crs}

@@ -1,0 +1,140 @@
+"""Tiles made in threads of this process, or by a Dask cluster's workers."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._kernels.jit import threads
+from ..errors import RockerbogieError
+from .cells import Tile
+from .ground import Ground, InMemory
+from .store import NEEDS, Store
+from .tile import Job
+
+#: Called with how many cells are done, and how many there are.
+Progress = Callable[[int, int], None]
+
+
+class Memory:
+    """Layers in memory, taken as a store takes them."""
+
+    def __init__(self, layers: dict[str, NDArray[Any]]) -> None:
+        self.arrays = layers
+
+    def take(self, name: str, region: tuple[slice, ...], values: NDArray[Any]) -> None:
+        """Keep a part of a layer."""
+        self.arrays[name][region] = values
+
+    def is_done(self, tile: Tile) -> bool:
+        """Nothing is, to begin with."""
+        return False
+
+    def finish(self, tile: Tile) -> None:
+        """Nothing is gone on with later."""
+
+
+def make(job: Job, ground: Ground, tiles: list[Tile], store: Store | Memory) -> int:
+    """Make the tiles of one chunk that are not done yet, on one thread; how many cells that was."""
+    tiles = [tile for tile in tiles if not store.is_done(tile)]
+    if tiles:
+        with threads(1):
+            terrain = ground.window(*job.window(ground, tiles))
+            for tile in tiles:
+                job.settle(terrain, tile, store.take)
+                store.finish(tile)
+    return sum(tile.size for tile in tiles)
+
+
+def in_threads(job: Job, ground: Ground, chunks: list[list[Tile]], store: Store | Memory, tell: Callable[[int], None]) -> None:
+    """Make every chunk in this process, a thread a core; `tell` is called with the cells of each as it is done."""
+    with threads(None) as count, ThreadPoolExecutor(count) as pool:
+        waiting = iter(chunks)
+        flying: set[Future[int]] = set()
+        try:
+            while True:
+                for chunk in waiting:
+                    flying.add(pool.submit(make, job, ground, chunk, store))
+                    if len(flying) > count:
+                        break
+                if not flying:
+                    return
+                done, flying = wait(flying, return_when=FIRST_COMPLETED)
+                for future in done:
+                    tell(future.result())
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def on_cluster(
+    job: Job, ground: Ground, chunks: list[list[Tile]], store: Path, workers: int | None, scheduler: str | None,
+    tell: Callable[[int], None],
+) -> None:  # fmt: skip
+    """Make every chunk by a Dask cluster: an existing one, or one of `workers` processes on this machine.
+
+    Workers read the ground's file and write the store by themselves. Only a few chunks are asked for at once, and those of
+    a worker that dies are asked for again.
+    """
+    with _client(workers, scheduler) as client:
+        from distributed import as_completed
+
+        waiting = iter(chunks)
+        finished = as_completed()
+
+        def submit(most: int) -> None:
+            for _, chunk in zip(range(most), waiting, strict=False):
+                part = ground.sent(*job.window(ground, chunk))
+                finished.add(client.submit(_remote, job, part, chunk, store, pure=False))
+
+        submit(2 * max(sum(client.nthreads().values()), 1))
+        try:
+            for future in finished:
+                tell(future.result())
+                future.release()
+                submit(1)
+        finally:
+            client.cancel(list(finished.futures))
+
+
+def _remote(job: Job, ground: Ground, chunk: list[Tile], store: Path) -> int:
+    """`make` on a worker. Kernels are compiled for arrays that can be written to; those off the wire cannot."""
+    if isinstance(ground, InMemory):
+        t = ground.terrain
+        ground = InMemory(replace(t, grid=np.array(t.grid), roof=np.array(t.roof), meta=np.array(t.meta)))
+    return make(job, ground, chunk, Store(store))
+
+
+@contextmanager
+def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
+    """A Dask client, and the cluster on this machine where there is none yet."""
+    try:
+        import dask
+        from distributed import Client, LocalCluster
+    except ImportError:
+        raise RockerbogieError(f"making a map on several processes {NEEDS}") from None
+    if scheduler is not None:
+        try:
+            client = Client(scheduler, timeout="10s")
+        except (OSError, ValueError) as error:
+            raise RockerbogieError(f"no Dask scheduler answers at {scheduler!r}: {error}") from None
+        with client:
+            yield client
+        return
+    # a chunk is tried again as often as a worker dies under it, within reason
+    settings = {"distributed.scheduler.allowed-failures": 20}
+    with (
+        dask.config.set(settings),
+        LocalCluster(
+            n_workers=workers or os.cpu_count() or 1, threads_per_worker=1, processes=True, dashboard_address=None
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield client

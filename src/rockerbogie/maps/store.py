@@ -1,0 +1,178 @@
+"""A map on disk while it is being made: its layers, which tiles are done, and what it is made from.
+
+store/made_from.json   rover, ground, limits, ...: a store is only ever gone on with from the very same
+store/map.zarr/        the layers, a Zarr group; laid out the same however a map is cut in chunks
+store/done/ROW_COL     an empty file for each tile whose layers are all on disk
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+from dataclasses import dataclass
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import __version__
+from ..errors import RockerbogieError
+from .cells import TILE, Tile
+from .ground import Ground
+from .layers import LAYERS, chosen_layers
+from .tile import HEADINGS, Job
+
+NEEDS = "needs zarr and dask: pip install 'rockerbogie[scale]'"
+
+
+@dataclass(frozen=True)
+class Store:
+    """One map's folder. Any number of processes may write tiles into it at once."""
+
+    path: Path
+
+    @cached_property
+    def arrays(self) -> dict[str, Any]:
+        """The layers, open for writing."""
+        zarr = import_zarr("a map on disk")
+        group = zarr.open_group(self.path / "map.zarr", mode="r+")
+        return {name: group[name] for name in group.array_keys()}
+
+    def take(self, name: str, region: tuple[slice, ...], values: NDArray[Any]) -> None:
+        """Write a part of a layer."""
+        self.arrays[name][region] = values
+
+    def is_done(self, tile: Tile) -> bool:
+        """Whether a tile's layers are all written."""
+        return self._mark(tile).exists()
+
+    def finish(self, tile: Tile) -> None:
+        """Say that a tile's layers are all written. Done in one stroke, after they are."""
+        self._mark(tile).touch()
+
+    def _mark(self, tile: Tile) -> Path:
+        return self.path / "done" / f"{tile.rows[0]}_{tile.cols[0]}"
+
+
+def open_store(path: Path, job: Job, made_from: dict[str, Any]) -> Store:
+    """The store at a path, new or to be gone on with.
+
+    Raises:
+        RockerbogieError: zarr is not installed; the folder is something else, or a map made from something else; it
+            cannot be written.
+    """
+    import_zarr("a map on disk")
+    store = Store(path)
+    record = path / "made_from.json"
+    try:
+        if record.exists():
+            _check_same(path, json.loads(record.read_text()), made_from)
+            if (path / "ready").exists():
+                return store
+        elif path.exists() and (not path.is_dir() or any(not p.name.startswith(".made_from") for p in path.iterdir())):
+            raise RockerbogieError(f"{str(path)!r} is there and is no unfinished map: give another name, or take it away")
+        path.mkdir(parents=True, exist_ok=True)
+        draft = path / f".made_from.{os.getpid()}"
+        draft.write_text(json.dumps(made_from, indent=1, sort_keys=True))
+        os.replace(draft, record)
+        shutil.rmtree(path / "map.zarr", ignore_errors=True)
+        shutil.rmtree(path / "done", ignore_errors=True)
+        _lay_out(path / "map.zarr", job)
+        (path / "done").mkdir()
+        (path / "ready").touch()
+    except json.JSONDecodeError:
+        raise RockerbogieError(f"{str(record)!r} is damaged: take {str(path)!r} away and begin anew") from None
+    except OSError as error:
+        raise RockerbogieError(f"cannot make a map in {str(path)!r}: {error.strerror or error}") from None
+    return store
+
+
+def made_from(job: Job, ground: Ground) -> dict[str, Any]:
+    """What a map is made from: two maps of the same are the same to the last byte."""
+    whole = ground.whole
+    packed = hashlib.sha256(job.rover.packed.tobytes()).hexdigest()
+    return {
+        "rover": [job.rover.name, packed],
+        "heights": ground.digest(),
+        "ground": [list(whole.shape), list(whole.spacing), list(whole.origin), whole.crs, whole.name],
+        "interpolation": whole.interpolation,
+        "headings": job.headings.tolist(),
+        "cells": [list(job.cells.step), list(job.cells.first), list(job.cells.size)],
+        "limits": json.loads(job.limits.to_json()),
+        "mode": job.mode,
+        "layers": list(job.layers),
+        "rockerbogie": [__version__, _numerics()],
+    }
+
+
+@cache
+def _numerics() -> str:
+    """What the numbers come from: the kernels, and what packs their ground."""
+    here = Path(__file__).parents[1]
+    kernels = [file for file in (here / "_kernels").glob("*.py") if file.name not in ("jacobians.py", "picture.py")]
+    digest = hashlib.sha256()
+    for file in sorted([*kernels, here / "spline.py", here / "terrain.py"]):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
+def _check_same(path: Path, before: dict[str, Any], now: dict[str, Any]) -> None:
+    """Refuse to mix two maps."""
+    now = json.loads(json.dumps(now))
+    if other := [name for name in now if before.get(name) != now[name]]:
+        what = {
+            "heights": "heights of the terrain", "ground": "place of the terrain", "cells": "cells (resolution, bounds)",
+            "rockerbogie": "version of rockerbogie",
+        }  # fmt: skip
+        told = ", ".join(f"another {what.get(name, name)}{_told(before.get(name), now[name])}" for name in other)
+        raise RockerbogieError(f"{str(path)!r} holds a map made from {told}: give another name, or take it away to begin anew")
+
+
+def _told(before: Any, now: Any) -> str:
+    """Both values, where they are short enough to help."""
+    for value in (before, now):
+        if isinstance(value, list) and len(value) == 2 and all(isinstance(v, str) for v in value):
+            return f" ({before[0]}, now {now[0]})" if before and before[0] != now[0] else ""
+    told = f" ({before}, now {now})"
+    return told if len(told) < 60 and not (isinstance(now, str) and len(now) == 64) else ""
+
+
+def _lay_out(path: Path, job: Job) -> None:
+    """Make the layers, blank."""
+    zarr = import_zarr("a map on disk")
+    group = zarr.create_group(path)
+    cols, rows = job.cells.size
+    heads = len(job.headings)
+    for name in chosen_layers(job.layers):
+        layer = LAYERS[name]
+        lead = ((heads,), (min(HEADINGS, heads),)) if layer.per_heading else ((), ())
+        group.create_array(
+            name,
+            shape=(*lead[0], rows, cols),
+            chunks=(*lead[1], TILE, TILE),
+            dtype=layer.kind,
+            fill_value=layer.blank,
+            dimension_names=layer.dims,
+        )
+
+
+def read(store: Store, lazily: bool) -> dict[str, Any]:
+    """The layers of a finished store: lazy dask arrays, or NumPy's."""
+    if not lazily:
+        return {name: np.asarray(store.arrays[name][...]) for name in store.arrays}
+    import dask.array as da
+
+    return {name: da.from_zarr(str(store.path / "map.zarr"), component=name) for name in store.arrays}
+
+
+def import_zarr(purpose: str) -> Any:
+    """The zarr package, or a sentence on how to come by it."""
+    try:
+        import zarr
+    except ImportError:
+        raise RockerbogieError(f"{purpose} {NEEDS}") from None
+    return zarr
