@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Bounds = tuple[float, float, float, float]
 
-_HALO = [withStroke(linewidth=3, foreground="white")]
+HALO = [withStroke(linewidth=3, foreground="white")]
 _MAP_PIXELS = 700
 _STATUS_COLOURS = {
     Status.CONVERGED: "#d9d9d9",
@@ -86,9 +86,9 @@ def run_map(rover: Rover, terrain: Terrain, run: xr.Dataset) -> Figure:
         if worst is not None:
             label = f"steepest: {tilt[worst]:.1f}° at {float(run['distance'][worst]):.4g} m"
             ax.plot(x[worst], y[worst], "*", mfc="#F0E442", mec=INK, ms=15, zorder=7, label=label)
-        _scale_bar(ax, bounds)
+        scale_bar(ax, bounds)
         east, north = ("easting (m)", "northing (m)") if terrain.crs else ("x (m)", "y (m)")
-        _plain_metres(ax, east, north)
+        plain_metres(ax, east, north)
         ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, handletextpad=0.4)
 
         size = np.array([terrain.bounds[2] - terrain.bounds[0], terrain.bounds[3] - terrain.bounds[1]])
@@ -207,19 +207,21 @@ def _hillshade(ax: Axes, terrain: Terrain, bounds: Bounds, *, contours: bool) ->
         ax.clabel(lines, fmt="%g m", fontsize=7)
 
 
-def _scale_bar(ax: Axes, bounds: Bounds) -> None:
+def scale_bar(ax: Axes, bounds: Bounds) -> None:
+    """A bar of a round length in a map's lower left corner, bounds in m."""
     span = bounds[2] - bounds[0]
     rough = span / 5
     power = 10.0 ** np.floor(np.log10(rough))
     length = max(m * power for m in (1, 2, 5) if m * power <= rough)
     x, y = bounds[0] + 0.04 * span, bounds[1] + 0.045 * (bounds[3] - bounds[1])
-    ax.plot([x, x + length], [y, y], color=INK, lw=3, solid_capstyle="butt", path_effects=_HALO, zorder=8)
+    ax.plot([x, x + length], [y, y], color=INK, lw=3, solid_capstyle="butt", path_effects=HALO, zorder=8)
     ax.annotate(
-        f"{length:g} m", (x + length / 2, y), xytext=(0, 5), textcoords="offset points", ha="center", path_effects=_HALO, zorder=8
+        f"{length:g} m", (x + length / 2, y), xytext=(0, 5), textcoords="offset points", ha="center", path_effects=HALO, zorder=8
     )
 
 
-def _plain_metres(ax: Axes, across: str, up: str) -> None:
+def plain_metres(ax: Axes, across: str, up: str) -> None:
+    """Coordinates in full, few of them, under their names."""
     ax.set_xlabel(across)
     ax.set_ylabel(up)
     for axis in (ax.xaxis, ax.yaxis):

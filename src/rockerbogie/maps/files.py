@@ -19,8 +19,10 @@ if TYPE_CHECKING:
     import xarray as xr
 
 ENDINGS = (".tif", ".tiff", ".zarr", ".nc")
-#: Side of a GeoTIFF's tile, and of the pieces a map is copied in, cells.
-TILE, PIECE = 256, 2048
+#: Side of a GeoTIFF's tile, and rows and columns of the pieces a map is gone through in, cells.
+TILE = 256
+PIECE = (1024, 2048)
+CACHE = 256 << 20  # bytes that GDAL may keep
 #: Units of a layer -> what its values are multiplied by in a GeoTIFF, and how its band's name ends.
 BANDS = {"rad": (180 / np.pi, "_deg"), "m": (1.0, "_m"), "1": (1.0, "")}
 RENAMED = {"passable": "passable_share"}
@@ -147,12 +149,12 @@ def _write_geotiff(maps: xr.Dataset, path: Path, per_heading: bool, tell: Progre
         "interleave": "band", "compress": "deflate", "predictor": 3, "zlevel": 1, "bigtiff": "if_safer",
     }  # fmt: skip
     try:
-        with rasterio.Env(GDAL_PAM_ENABLED="NO"):
+        with rasterio.Env(GDAL_PAM_ENABLED="NO", GDAL_CACHEMAX=CACHE):
             with rasterio.open(plain, "w", **profile) as raster:
                 _describe(raster, maps, layers)
-                windows = list(_pieces(rows, cols))
+                windows = list(pieces(maps))
                 for n, window in enumerate(windows):
-                    _copy_piece(maps, layers, raster, window)
+                    _copy_piece(maps, layers, raster, *window)
                     tell(0.7 * (n + 1) / len(windows))
             copy(
                 plain, path, driver="COG", compress="DEFLATE", predictor="YES", blocksize=TILE, bigtiff="IF_SAFER",
@@ -176,35 +178,43 @@ def _describe(raster: Any, maps: xr.Dataset, layers: list[Band]) -> None:
         raster.update_tags(k, long_name=variable.attrs.get("long_name", band.variable), layer=_json(about))
 
 
-def _copy_piece(maps: xr.Dataset, layers: list[Band], raster: Any, window: tuple[int, int, int, int]) -> None:
-    """One piece (first row from the north, first column, rows, columns) of every band."""
+def _copy_piece(maps: xr.Dataset, layers: list[Band], raster: Any, rows: slice, cols: slice) -> None:
+    """One piece of every band; a layer's headings are read at once."""
     from rasterio.windows import Window
 
-    row, col, height, width = window
-    south = maps.sizes["y"] - row - height
-    piece = maps.isel(y=slice(south, south + height), x=slice(col, col + width))
+    piece = maps.isel(y=rows, x=cols)
+    window = Window(cols.start, maps.sizes["y"] - rows.stop, piece.sizes["x"], piece.sizes["y"])
     loaded: tuple[str, NDArray[Any]] = ("", np.empty(0))
     for k, band in sorted(enumerate(layers, 1), key=lambda item: (item[1].variable, item[0])):
         if loaded[0] != band.variable:
             dims = ("y", "x") if band.heading is None else ("heading", "y", "x")
             loaded = band.variable, piece[band.variable].transpose(*dims).values
         values = loaded[1] if band.heading is None else loaded[1][band.heading]
-        raster.write((values[::-1] * band.scale).astype(np.float32), k, window=Window(col, row, width, height))
+        raster.write((values[::-1] * band.scale).astype(np.float32), k, window=window)
 
 
-def _pieces(rows: int, cols: int) -> Iterator[tuple[int, int, int, int]]:
-    for row in range(0, rows, TILE):
-        for col in range(0, cols, PIECE):
-            yield row, col, min(TILE, rows - row), min(PIECE, cols - col)
+def pieces(maps: xr.Dataset) -> Iterator[tuple[slice, slice]]:
+    """A map's rows and columns in pieces that fit in memory, from the north so that a GeoTIFF's tiles are met whole."""
+    rows, cols = maps.sizes["y"], maps.sizes["x"]
+    for row in range(rows, 0, -PIECE[0]):
+        for col in range(0, cols, PIECE[1]):
+            yield slice(max(row - PIECE[0], 0), row), slice(col, min(col + PIECE[1], cols))
+
+
+def cell_size(maps: xr.Dataset) -> tuple[float, float]:
+    """dx and dy of a map's cells, m."""
+    x, y = maps["x"].values, maps["y"].values
+    said = np.broadcast_to(np.asarray(maps.attrs["resolution"], dtype=float), (2,))
+    dx, dy = (float((c[-1] - c[0]) / (len(c) - 1)) if len(c) > 1 else float(s) for c, s in zip((x, y), said, strict=True))
+    return dx, dy
 
 
 def transform(maps: xr.Dataset) -> Any:
     """The affine transform of a map's raster, north up: a cell's centre is a pixel's."""
     from rasterio.transform import from_origin
 
-    x, y = maps["x"].values, maps["y"].values
-    dx, dy = (float(c[1] - c[0]) if len(c) > 1 else float(maps.attrs["resolution"]) for c in (x, y))
-    return from_origin(float(x[0]) - dx / 2, float(y[-1]) + dy / 2, dx, dy)
+    dx, dy = cell_size(maps)
+    return from_origin(float(maps["x"][0]) - dx / 2, float(maps["y"][-1]) + dy / 2, dx, dy)
 
 
 def _read_geotiff(path: Path) -> xr.Dataset:
@@ -251,8 +261,15 @@ def _write_zarr(maps: xr.Dataset, path: Path) -> None:
 
 
 def _write_netcdf(maps: xr.Dataset, path: Path) -> None:
-    pressed = {name: {"zlib": True, "complevel": 4, "shuffle": True} for name in maps.data_vars if maps[name].ndim >= 2}
-    maps.to_netcdf(path, engine="h5netcdf", encoding=pressed)
+    side = {"heading": 16, "y": TILE, "x": TILE}
+    stored = {
+        name: {
+            "zlib": True, "complevel": 4, "shuffle": True,
+            "chunksizes": tuple(min(side[str(dim)], maps.sizes[dim]) for dim in variable.dims),
+        }
+        for name, variable in maps.data_vars.items()
+    }  # fmt: skip
+    maps.to_netcdf(path, engine="h5netcdf", encoding=stored)
 
 
 def _is_zarr(path: Path) -> bool:

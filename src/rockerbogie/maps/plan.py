@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from ..errors import PathError, RockerbogieError, RoverError, expect
 from ..formats import load_rover
 from ..rover import LOAD_ROVER, Rover
-from .moves import graph, moves, turning_radius, turns_in_place
+from .files import cell_size, read_map
+from .moves import graph, grid_steps, moves, turning_radius, turns_in_place
 from .route import Plan
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ class _Layers(NamedTuple):
     y: Array  # (rows,) m
     passable: NDArray[np.bool_]  # (n, rows, cols)
     tilt: NDArray[np.floating[Any]]  # (n, rows, cols) rad
+    cell: tuple[float, float]  # dx, dy, m
     crs: str | None
     rover: str
 
@@ -76,10 +78,9 @@ def plan(
             raise RockerbogieError(f"{name} is {value}; give a finite number of at least 0")
     layers, limit = _layers(maps)
     in_place, radius = _turning(rover, layers.rover, turn_in_place)
-    cell = (_step(layers.x), _step(layers.y))
     sources, targets = _states(layers, start, "start"), _states(layers, goal, "goal")
     risk = np.where(layers.passable, tilt_weight * (layers.tilt / limit) ** 2, 0.0).astype(np.float32)
-    ways = moves(layers.heading, cell, in_place, radius, backward)
+    ways = moves(layers.heading, layers.cell, in_place, radius, backward)
     costs, number = graph(layers.passable, risk, ways, turn_cost)
     found = _search(costs, number, sources, targets)
     if isinstance(found, np.ndarray):
@@ -90,8 +91,6 @@ def plan(
 def _layers(source: xr.Dataset | str | FilePath) -> tuple[_Layers, float]:
     """What a plan needs of a map in memory or on file, and the tilt that is a risk of 1, rad."""
     import xarray as xr
-
-    from .files import read_map
 
     maps = read_map(source) if isinstance(source, str | FilePath) else source
     if not isinstance(maps, xr.Dataset):
@@ -111,7 +110,8 @@ def _layers(source: xr.Dataset | str | FilePath) -> tuple[_Layers, float]:
     except KeyError as error:
         raise RockerbogieError(f"this map has no {error}: plan on one that rockerbogie.traversability made") from None
     passable = passable & np.isfinite(tilt)
-    return _Layers(heading, x, y, passable, tilt, maps.attrs.get("crs"), str(maps.attrs.get("rover", "rover"))), float(limit)
+    about = (cell_size(maps), maps.attrs.get("crs"), str(maps.attrs.get("rover", "rover")))
+    return _Layers(heading, x, y, passable, tilt, *about), float(limit)
 
 
 def _turning(rover: Rover | None, name: str, in_place: bool | None) -> tuple[bool, float]:
@@ -129,10 +129,6 @@ def _turning(rover: Rover | None, name: str, in_place: bool | None) -> tuple[boo
     return in_place, 0.0 if rover is None or in_place else turning_radius(rover)
 
 
-def _step(nodes: Array) -> float:
-    return float(nodes[1] - nodes[0]) if len(nodes) > 1 else 1.0
-
-
 def _states(layers: _Layers, place: Sequence[float], name: str) -> list[State]:
     """The passable states at a place (x, y) or (x, y, heading)."""
     try:
@@ -143,7 +139,7 @@ def _states(layers: _Layers, place: Sequence[float], name: str) -> list[State]:
         raise PathError(f"{name} is {place!r}: give (x, y) or (x, y, heading), finite, in metres and radians")
     x, y = values[:2]
     col, row = int(np.abs(layers.x - x).argmin()), int(np.abs(layers.y - y).argmin())
-    reach = (0.5 + 1e-9) * np.array([_step(layers.x), _step(layers.y)])
+    reach = (0.5 + 1e-9) * np.array(layers.cell)
     if abs(layers.x[col] - x) > reach[0] or abs(layers.y[row] - y) > reach[1]:
         spans = [f"({axes[0][k]:.10g}, {axes[1][k]:.10g})" for axes in ((layers.x, layers.y),) for k in (0, -1)]
         raise PathError(f"the {name} ({x:.10g}, {y:.10g}) m is off the map, whose cells lie from {spans[0]} to {spans[1]} m")
@@ -227,9 +223,7 @@ def _plan_of(layers: _Layers, states: list[State], cost: Array) -> Plan:
 
 def _corner(layers: _Layers, left: State, reached: State) -> tuple[int, int]:
     """Row and column where the two legs of an arc meet: along the first heading as far as the legs' steps say."""
-    from .moves import grid_steps
-
-    steps = grid_steps(layers.heading, (_step(layers.x), _step(layers.y)))
+    steps = grid_steps(layers.heading, layers.cell)
     a, b = np.array(steps[left[0]]), np.array(steps[reached[0]])
     total = np.array([reached[2] - left[2], reached[1] - left[1]])
     count = round(float(total @ (a + b)) / float((a + b) @ (a + b)))  # of steps on each leg, below 0 backwards

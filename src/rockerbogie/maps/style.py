@@ -20,9 +20,9 @@ class Class(NamedTuple):
     label: str
 
 
-#: Okabe and Ito's colours, which the colour-blind can tell apart. A share is a whole number of headings over all of them.
+#: Okabe and Ito's colours and Tol's wine, which the colour-blind can tell apart. A share is some headings of all of them.
 CLASSES = (
-    Class(0.0, "#D55E00", "no heading passable"),
+    Class(0.0, "#882255", "no heading passable"),
     Class(0.5, "#E69F00", "up to half of the headings passable"),
     Class(1 - 1e-6, "#F0E442", "more than half of the headings passable"),
     Class(1.0, "#009E73", "every heading passable"),

@@ -1,0 +1,151 @@
+"""A whole terrain from above: where the rover can go, and a way over it."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.colors import LightSource, to_rgb
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from ..maps.files import cell_size
+from ..maps.route import Plan
+from ..maps.style import CLASSES
+from .charts import HALO, Bounds, plain_metres, scale_bar
+from .style import INK, figure, look
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+UNKNOWN = "#c9d6e2"
+STRENGTH = (0.8, 0.75, 0.7, 0.5)  # of the classes' colours over the shaded ground
+PALE = 0.7  # of that where a way is drawn over them
+_ANGLES = {"tilt": "tilt", "pitch": "pitch", "roll": "roll", "rocker": "rocker", "bogie": "bogie"}
+
+
+def terrain_map(maps: xr.Dataset, plan: Plan | None = None) -> Figure:
+    """Cells coloured by the share of headings passable, over the shaded ground if it is there, with what it means beside.
+
+    Args:
+        maps: small enough to draw, from `maps.preview.overview`; its layer `ground`, where there is one, is shaded.
+        plan: a way to draw over it.
+    """
+    bounds = _bounds(maps)
+    wide, high = bounds[2] - bounds[0], bounds[3] - bounds[1]
+    left, right, below, above = 1.1, 3.3, 0.6, 0.62  # inches
+    scale = min(6.6 / wide, 7.2 / high)
+    across, up = wide * scale, high * scale
+    page = (left + across + right, below + max(up, 3.6) + above)
+    with look():
+        fig = figure(*page)
+        fig.set_layout_engine("none")
+        ax = fig.add_axes((left / page[0], (page[1] - above - up) / page[1], across / page[0], up / page[1]))
+        share = maps["passable"].values
+        ax.imshow(
+            _colours(maps, share, PALE if plan else 1.0), extent=(bounds[0], bounds[2], bounds[1], bounds[3]),
+            origin="lower", interpolation="nearest",
+        )  # fmt: skip
+        ax.grid(False)
+        ax.set_xlim(bounds[0], bounds[2])
+        ax.set_ylim(bounds[1], bounds[3])
+        way = [] if plan is None else _draw_way(ax, plan)
+        scale_bar(ax, bounds)
+        _north(ax)
+        plain_metres(ax, *(("easting (m)", "northing (m)") if maps.attrs.get("crs") else ("x (m)", "y (m)")))
+        at = left / page[0]
+        title = f"Where {maps.attrs['rover']} can go on {maps.attrs['terrain']}"
+        fig.text(at, 1 - 0.22 / page[1], title, fontsize=11.5, fontweight="bold", va="center")
+        fig.text(at, 1 - 0.44 / page[1], _said(plan, maps), fontsize=8.5, va="center", color="#555555")
+        side = fig.add_axes(
+            ((left + across + 0.25) / page[0], below / page[1], (right - 0.3) / page[0], 1 - (below + above) / page[1])
+        )
+        _legend(side, share, maps, way)
+    return fig
+
+
+def _bounds(maps: xr.Dataset) -> Bounds:
+    dx, dy = cell_size(maps)
+    (x0, x1), (y0, y1) = ((float(maps[axis][0]), float(maps[axis][-1])) for axis in ("x", "y"))
+    return x0 - dx / 2, y0 - dy / 2, x1 + dx / 2, y1 + dy / 2
+
+
+def _kinds(share: Array) -> NDArray[np.intp]:
+    """Which class a share of headings is of."""
+    return np.digitize(share, [c.most + 1e-9 for c in CLASSES[:-1]])
+
+
+def _colours(maps: xr.Dataset, share: Array, paled: float) -> Array:
+    """RGB (y, x, 3) of the classes, laid over the shaded ground."""
+    kind = _kinds(np.nan_to_num(share))
+    colour = np.array([to_rgb(c.colour) for c in CLASSES])[kind]
+    strength = paled * np.array(STRENGTH)[kind][..., None]
+    colour[np.isnan(share)] = to_rgb(UNKNOWN)
+    if "ground" not in maps:
+        return np.asarray(1 - strength + strength * colour)
+    z = maps["ground"].values
+    dx, dy = cell_size(maps)
+    filled = np.nan_to_num(z, nan=float(np.nanmedian(z)))
+    light = 0.3 + 0.7 * LightSource(315, 45).hillshade(filled, dx=dx, dy=-dy, vert_exag=1.5)[..., None]
+    return np.asarray(np.clip((1 - strength) * light + strength * colour * (0.45 + 0.7 * light), 0, 1))
+
+
+def _draw_way(ax: Axes, plan: Plan) -> list[Artist]:
+    """Draw it, and give what the legend shows of it."""
+    ax.plot(plan.x, plan.y, color="white", lw=4.2, solid_capstyle="round", solid_joinstyle="round", zorder=4)
+    said = f"least-cost way, {plan.distance[-1]:.4g} m"
+    marks: dict[str, Any] = {"mfc": "white", "mec": INK, "ms": 9, "ls": "", "zorder": 6, "clip_on": False}
+    return [
+        *ax.plot(plan.x, plan.y, color="#0072B2", lw=2.2, solid_capstyle="round", solid_joinstyle="round", zorder=5, label=said),
+        *ax.plot(plan.x[0], plan.y[0], marker="o", label="start", **marks),
+        *ax.plot(plan.x[-1], plan.y[-1], marker="s", label="goal", **marks),
+    ]
+
+
+def _north(ax: Axes) -> None:
+    arrow = {"arrowstyle": "-|>", "color": INK, "lw": 1.6, "path_effects": HALO}
+    ax.annotate("", (0.96, 0.945), (0.96, 0.875), xycoords="axes fraction", arrowprops=arrow, zorder=8)
+    ax.text(0.96, 0.95, "N", transform=ax.transAxes, ha="center", va="bottom", fontweight="bold", path_effects=HALO, zorder=8)
+
+
+def _said(plan: Plan | None, maps: xr.Dataset) -> str:
+    cell = np.atleast_1d(maps.attrs["resolution"])
+    asked = f"{maps.sizes['heading']} headings at each cell of {' x '.join(f'{side:.4g}' for side in cell)} m"
+    if plan is None:
+        return asked
+    turned = np.degrees(np.abs(np.diff(plan.heading)).sum())
+    return f"the way: tilt up to {np.degrees(np.nanmax(plan.tilt)):.1f}°, turning {turned:.0f}° in all · {asked}"
+
+
+def _legend(ax: Axes, share: Array, maps: xr.Dataset, way: list[Artist]) -> None:
+    """What the colours mean, how much ground is of each, and the limits that decide it."""
+    ax.axis("off")
+    known = np.isfinite(share)
+    part = np.bincount(_kinds(share[known]), minlength=len(CLASSES)) / max(known.sum(), 1)
+    patches: list[Artist] = [
+        Patch(color=c.colour, alpha=0.85, label=f"{c.label}\n{100 * p:.1f} % of the known ground")
+        for c, p in reversed(list(zip(CLASSES, part, strict=True)))
+    ]
+    if not known.all():
+        patches.append(Patch(color=UNKNOWN, label=f"unknown ground, or the map's rim\n{100 * (~known).mean():.1f} % of the map"))
+    legend = ax.legend(
+        handles=patches + way, loc="upper left", bbox_to_anchor=(0, 1), borderaxespad=0, fontsize=8.5, labelspacing=0.9
+    )
+    ax.annotate(
+        _limits(maps.attrs), (0.02, -0.08), xycoords=legend, fontsize=8.5, va="top", linespacing=1.5, annotation_clip=False
+    )
+
+
+def _limits(attrs: dict[str, Any]) -> str:
+    limits = json.loads(attrs.get("limits", "{}"))
+    lines = [f"{name} up to {np.degrees(limits[name]):.3g}°" for name in _ANGLES if limits.get(name) is not None]
+    if limits.get("clearance") is not None:
+        lines.append(f"belly clear by more than {limits['clearance']:g} m")
+    settled = "six wheels down" if attrs.get("mode", "contact") == "contact" else "at rest"
+    return "\n".join([f"Passable: {settled}", *lines])

@@ -1,0 +1,81 @@
+"""A map at a glance: thinned to what a picture can show, with the lie of the land under it; and what it comes to."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..raster import open_raster
+from ..terrain import Terrain
+from .files import pieces
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+MOST = 1200  # cells along the longer side
+
+
+class Tally(NamedTuple):
+    """How much of a map is what."""
+
+    cells: int
+    known: int  # cells where the ground is known at some heading
+    every: int  # of them, cells passable at every heading
+    some: int  # and at some, but not all
+    exceeded: dict[str, int]  # and cells where a limit is exceeded at some heading
+
+
+def tally(maps: xr.Dataset) -> Tally:
+    """Count a map's cells, piece by piece."""
+    flags = maps["worst_exceeded"].attrs
+    bits = dict(zip(str(flags["flag_meanings"]).split(), np.ravel(flags["flag_masks"]).tolist(), strict=True))
+    known = every = some = 0
+    beyond = dict.fromkeys(bits, 0)
+    for rows, cols in pieces(maps):
+        piece = maps[["passable", "worst_exceeded"]].isel(y=rows, x=cols).load()
+        share, mask = piece["passable"].values, piece["worst_exceeded"].values
+        there = np.isfinite(share)
+        known += int(there.sum())
+        every += int((share == 1).sum())
+        some += int(((share > 0) & (share < 1)).sum())
+        for name, bit in bits.items():
+            beyond[name] += int((there & ((mask & bit) > 0)).sum())
+    return Tally(maps.sizes["y"] * maps.sizes["x"], known, every, some, beyond)
+
+
+def overview(maps: xr.Dataset, ground: Terrain | str | Path | None = None, most: int = MOST) -> xr.Dataset:
+    """Every k-th cell of a map's summaries, in memory, so that at most `most` lie along a side.
+
+    With ground (a terrain, or a raster file, which is read in strips) they come with its height there, as `ground`.
+    """
+    k = -(-max(maps.sizes["y"], maps.sizes["x"]) // most)
+    flat = maps.drop_vars([name for name, v in maps.data_vars.items() if set(v.dims) != {"y", "x"}])
+    small = flat.isel(y=slice(k // 2, None, k), x=slice(k // 2, None, k)).load()
+    if ground is not None:
+        x, y = small["x"].values, small["y"].values
+        heights = ground.height(*np.meshgrid(x, y)) if isinstance(ground, Terrain) else _nearest(Path(ground), x, y)
+        small["ground"] = (("y", "x"), heights, {"units": "m"})
+    return small
+
+
+def _nearest(file: Path, x: Array, y: Array) -> Array:
+    """Heights (y, x) of a raster's nodes nearest to the places of a grid; nan beyond it."""
+    raster = open_raster(file)
+    rows, cols = (
+        np.rint((at - first) / step).astype(int)
+        for at, first, step in zip((y, x), raster.origin[::-1], raster.spacing[::-1], strict=True)
+    )
+    out = np.full((len(y), len(x)), np.nan)
+    good: NDArray[Any] = (cols >= 0) & (cols < raster.shape[1])
+    if not good.any():
+        return out
+    first, last = int(cols[good].min()), int(cols[good].max()) + 1
+    for n, row in enumerate(rows):
+        if 0 <= row < raster.shape[0]:
+            out[n, good] = raster.read((int(row), int(row) + 1), (first, last))[0, cols[good] - first]
+    return out
