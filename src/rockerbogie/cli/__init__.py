@@ -24,6 +24,8 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "settle": ("rockerbogie.cli.settle:settle", "Let a rover settle at one place, and show how it sits there."),
     "drive": ("rockerbogie.cli.drive:drive", "Drive a rover along a path, and show what it goes through."),
     "simulate": ("rockerbogie.cli.drive:simulate", "The same drive in MuJoCo's rigid-body dynamics, compared with ours."),
+    "map": ("rockerbogie.cli.map:map_", "Where a rover can go on a whole terrain: GeoTIFF for QGIS, Zarr or NetCDF."),
+    "plan": ("rockerbogie.cli.plan:plan", "The least-cost way over such a map, as the rover can turn."),
     "odometry": ("rockerbogie.cli.odometry:odometry", "Where a log of joint sensors says the rover went."),
     "validate": ("rockerbogie.cli.validate:validate", "Predicted against logged attitude, with a band for what is not known."),
     "bench": ("rockerbogie.cli.bench:bench", "How fast settling is, as ratios to the paper's own way in the same run."),

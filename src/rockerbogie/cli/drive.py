@@ -17,6 +17,7 @@ from ..drive import drive as drive_rover
 from ..drive import to_csv
 from ..errors import PathError, RockerbogieError
 from ..formats import load_rover
+from ..maps.route import read_route
 from ..path import Path
 from ..rover import Rover
 from ..simulate import simulate as simulate_rover
@@ -67,7 +68,8 @@ def drive(
     rover
         A preset's name, or a rover file.
     path
-        Waypoints in the map's metres: "x,y x,y …". Default: straight across the map's middle along +x, from rim to rim.
+        Waypoints in the map's metres: "x,y x,y …"; or a CSV file with columns x, y and yaw, as `rockerbogie plan` writes.
+        Default: straight across the map's middle along +x, from rim to rim.
     radius
         Turning radius at the waypoints, m.
     speed
@@ -127,7 +129,8 @@ def simulate(
     rover
         A preset's name, or a rover file.
     path
-        Waypoints in the map's metres: "x,y x,y …". Default: straight across the map's middle along +x, from rim to rim.
+        Waypoints in the map's metres: "x,y x,y …"; or a CSV file with columns x, y and yaw, as `rockerbogie plan` writes.
+        Default: straight across the map's middle along +x, from rim to rim.
     radius
         Turning radius at the waypoints, m.
     speed
@@ -169,7 +172,9 @@ def simulate(
 
 
 def _path(text: str | None, radius: float, rover: Rover, terrain: Terrain) -> Path:
-    """Waypoints from `x,y x,y …`; or straight over the middle of the map, as far in from its rim as the rover reaches."""
+    """Points of `x,y x,y …` or a CSV file; or straight over the map's middle, as far in from its rim as the rover reaches."""
+    if text is not None and text.lower().endswith(".csv"):
+        return read_route(text, radius)
     if text is not None:
         return Path.waypoints([parse_point(part, "--path") for part in text.split()], radius)
     xmin, ymin, xmax, ymax = terrain.bounds

@@ -1,0 +1,271 @@
+"""`rockerbogie map`: a whole terrain, and where on it a rover can go."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import time
+import tomllib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, fields
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+from cyclopts import Parameter
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from .. import surfaces
+from ..errors import RockerbogieError, unknown_name
+from ..formats import load_rover
+from ..maps.files import cell_size, check_ending, write_map
+from ..maps.layers import LAYERS
+from ..maps.limits import Limits
+from ..maps.preview import Tally, overview, tally
+from ..maps.style import write_style
+from ..maps.traversability import traversability
+from ..terrain import Terrain
+from .common import SURFACE, Json, Linear, RoverName, load_terrain, print_json, progress
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Degrees = Annotated[float | None, Parameter(negative="")]
+
+
+def map_(
+    terrain: str,
+    /,
+    *,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    rover: RoverName = "curiosity",
+    headings: int = 16,
+    resolution: float | None = None,
+    limits: str = "curiosity",
+    tilt: Degrees = None,
+    pitch: Degrees = None,
+    roll: Degrees = None,
+    rocker: Degrees = None,
+    bogie: Degrees = None,
+    clearance: float | None = None,
+    bounds: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None,
+    mode: Literal["contact", "equilibrium"] = "contact",
+    linear: Linear = None,
+    per_heading: Annotated[bool, Parameter(negative="")] = False,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    preview: bool = True,
+    json: Json = False,
+) -> None:
+    """Where a rover can go on a whole terrain: settled at every cell and heading, held against limits.
+
+    Writes, by the ending of -o: a cloud-optimised GeoTIFF (.tif; angles in degrees) with a style for QGIS beside it (.qml),
+    or Zarr (.zarr) or NetCDF (.nc) with every heading's layers (SI, radians); and a picture (.png). What is finished of a
+    long run is kept in OUTPUT.parts: stopped at any point, the same command goes on from there.
+
+    Parameters
+    ----------
+    terrain
+        A raster file (GeoTIFF, PDS, ISIS and others), read in windows and never whole; or surface:NAME for a built-in one.
+    output
+        The map to write: .tif, .zarr or .nc.
+    rover
+        A preset's name, or a rover file.
+    headings
+        How many, evenly all round from +x (east).
+    resolution
+        Side of a cell, m. Default: the terrain's own.
+    limits
+        What a pose may have at most: curiosity (its flight limits), none, or a TOML file with tilt_deg, pitch_deg,
+        roll_deg, rocker_deg, bogie_deg, clearance_m. The options below overrule single ones.
+    tilt
+        Greatest angle between the body's up and the vertical, degrees.
+    pitch
+        Greatest pitch either way, degrees.
+    roll
+        Greatest roll either way, degrees.
+    rocker
+        Greatest rocker angle either way, degrees.
+    bogie
+        Greatest bogie angle either way, degrees.
+    clearance
+        The body must be higher above the ground than this, m.
+    bounds
+        Only this part: xmin,ymin,xmax,ymax in the terrain's own metres.
+    mode
+        contact: all six wheels touch. equilibrium: at rest under its own weight; wheels may hang.
+    linear
+        Bilinear ground between the nodes, or a smooth cubic surface. Default: cubic for files.
+    per_heading
+        Every heading's layers in the GeoTIFF too, after the summaries.
+    workers
+        Processes on this machine. Default: as suits the size.
+    scheduler
+        Address of a Dask cluster (tcp://host:8786) to do the work, whose workers see the same files.
+    preview
+        The picture beside the map.
+    json
+        Print the summary as JSON (SI units, radians) in place of the text.
+    """
+    check_ending(output)
+    machine = load_rover(rover)
+    allowed = _limits(limits, tilt, pitch, roll, rocker, bogie, clearance)
+    ground = _ground(terrain, linear)
+    geotiff = output.suffix.lower() in (".tif", ".tiff")
+    summaries = [name for name, layer in LAYERS.items() if not layer.per_heading]
+    parts = output.with_name(f"{output.name}.parts") if find_spec("zarr") else None
+    began = time.perf_counter()
+    with _told(parts) as (settling, writing):
+        maps = traversability(
+            machine, ground, headings, resolution, allowed, bounds=_bounds(bounds), mode=mode,
+            layers=summaries if geotiff and not per_heading else None, interpolation="linear" if linear else "cubic",
+            store=parts, workers=workers, scheduler=scheduler, progress=settling,
+        )  # fmt: skip
+        seconds = time.perf_counter() - began
+        files = [write_map(maps, output, per_heading=per_heading, progress=writing)]
+    counts = tally(maps)
+    if geotiff:
+        files.append(write_style(maps, output.with_suffix(".qml"), per_heading=per_heading))
+    if preview:
+        from ..figures.terrain_map import terrain_map
+
+        files.append(output.with_suffix(".png"))
+        terrain_map(overview(maps, ground)).savefig(files[-1])
+    if json:
+        print_json(_record(maps, counts, seconds) | {"files": files})
+    else:
+        _print(maps, counts, seconds)
+        print(*files, sep="\n")
+    if parts is not None:
+        shutil.rmtree(parts, ignore_errors=True)
+
+
+@contextmanager
+def _told(parts: Path | None) -> Iterator[tuple[Callable[[int, int], None], Callable[[float], None]]]:
+    """A bar with the time left, for cells done and for the share written; and a word on what is resumed and what is kept."""
+    with progress() as bar:
+        task = bar.add_task("settling", total=None)
+        seen: list[int] = []
+
+        def settling(done: int, total: int) -> None:
+            if not seen:
+                bar.reset(task, total=total, completed=done)
+                if done:
+                    print(f"rockerbogie: note: going on with {parts}: {100 * done / total:.0f} % is done", file=sys.stderr)
+            seen.append(done)
+            bar.update(task, total=total, completed=done)
+
+        def writing(share: float) -> None:
+            bar.update(task, description="writing", total=1.0, completed=share)
+
+        try:
+            yield settling, writing
+        except KeyboardInterrupt:
+            if parts is not None and parts.exists():
+                print(
+                    f"\nrockerbogie: note: what is finished is in {parts}; the same command goes on from there", file=sys.stderr
+                )
+            raise
+
+
+def _ground(name: str, linear: bool | None) -> Terrain | Path:
+    """A built-in surface in memory, or the file to read in windows."""
+    if name.startswith(SURFACE) or (name in surfaces.__all__ and not Path(name).exists()):
+        return load_terrain(name, linear)
+    return Path(name)
+
+
+def _limits(name: str, *single: float | None) -> Limits:
+    """Limits by name or from a TOML file, single ones overruled: tilt, pitch, roll, rocker, bogie (degrees), clearance (m)."""
+    base = _from_toml(Path(name)) if name.endswith(".toml") else Limits.named(name)
+    names = ("tilt", "pitch", "roll", "rocker", "bogie", "clearance")
+    given = {key: value for key, value in zip(names, single, strict=True) if value is not None}
+    return Limits(**(asdict(base) | {key: v if key == "clearance" else float(np.radians(v)) for key, v in given.items()}))
+
+
+def _from_toml(file: Path) -> Limits:
+    """Limits from a file, in degrees and metres; what it does not name has none."""
+    if not file.exists():
+        raise RockerbogieError(f"no limits at {str(file)!r}")
+    try:
+        found = tomllib.loads(file.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise RockerbogieError(f"{str(file)!r} is not TOML: {error}") from None
+    known = {f"{field.name}_m" if field.name == "clearance" else f"{field.name}_deg": field.name for field in fields(Limits)}
+    values = {}
+    for key, value in found.items():
+        if key not in known:
+            raise RockerbogieError(f"{str(file)!r}: {unknown_name('limit', key, known)}")
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise RockerbogieError(f"{str(file)!r}: {key} is {value!r}; give a number")
+        values[known[key]] = float(value) if key.endswith("_m") else float(np.radians(value))
+    return Limits(**values)
+
+
+def _bounds(text: str | None) -> tuple[float, float, float, float] | None:
+    if text is None:
+        return None
+    try:
+        xmin, ymin, xmax, ymax = (float(part) for part in text.split(","))
+    except ValueError:
+        raise RockerbogieError(f"--bounds {text!r} is not xmin,ymin,xmax,ymax in metres, as in 0,0,500,300") from None
+    return xmin, ymin, xmax, ymax
+
+
+def _record(maps: xr.Dataset, counts: Tally, seconds: float) -> dict[str, Any]:
+    dx, dy = cell_size(maps)
+    rest = counts.known - counts.every - counts.some
+    poses = counts.cells * maps.sizes["heading"]
+    return {
+        "rover": maps.attrs["rover"],
+        "terrain": maps.attrs["terrain"],
+        "cells": [maps.sizes["x"], maps.sizes["y"]],
+        "cell_size": [dx, dy],
+        "headings": maps.sizes["heading"],
+        "area": counts.cells * dx * dy,
+        "known_area": counts.known * dx * dy,
+        "passable_share": {
+            name: part / counts.known if counts.known else None
+            for name, part in (("every_heading", counts.every), ("some_headings", counts.some), ("no_heading", rest))
+        },
+        "exceeded_at_some_heading": {name: n / counts.known if counts.known else None for name, n in counts.exceeded.items()},
+        "poses": poses,
+        "seconds": seconds,
+    }
+
+
+def _print(maps: xr.Dataset, counts: Tally, seconds: float) -> None:
+    found = _record(maps, counts, seconds)
+    console = Console(highlight=False)
+    dx, dy = found["cell_size"]
+    side = f"{dx:.4g} m" if np.isclose(dx, dy) else f"{dx:.4g} x {dy:.4g} m"
+    console.print(f"[bold]{escape(found['rover'])}[/] on [bold]{escape(found['terrain'])}[/]")
+    console.print(
+        f"{found['cells'][0]} x {found['cells'][1]} cells of {side}, {_area(found['area'])}, {_area(found['known_area'])} known; "
+        f"{found['headings']} headings, {found['poses']:,} poses in {seconds:.3g} s"
+    )
+    if not counts.known:
+        console.print(
+            "nowhere is the ground known under all wheels: a coarser --resolution does not help; see the terrain's holes"
+        )
+        return
+    table = Table(box=box.SIMPLE, padding=(0, 1), show_header=False)
+    table.add_column()
+    table.add_column(justify="right")
+    shares = found["passable_share"]
+    for label, key in (("passable at every heading", "every_heading"), ("at some", "some_headings"), ("at none", "no_heading")):
+        table.add_row(label, f"{100 * shares[key]:.1f} %")
+    beyond = {name: part for name, part in found["exceeded_at_some_heading"].items() if part}
+    for name, part in sorted(beyond.items(), key=lambda item: -item[1]):
+        label = "not settled at some heading" if name == "unsettled" else f"{name} beyond its limit at some heading"
+        table.add_row(label, f"{100 * part:.1f} %")
+    console.print(table)
+
+
+def _area(square_metres: float) -> str:
+    return f"{square_metres / 1e6:.4g} km²" if square_metres >= 1e5 else f"{square_metres:.4g} m²"
