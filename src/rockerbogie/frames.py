@@ -13,6 +13,7 @@ from .rover import LOAD_ROVER, Rover
 
 Array = NDArray[np.float64]
 
+RUN = 4096  # steered poses checked at once, in memory that is at hand
 #: Side of each wheel: 0 left, 1 right.
 WHEEL_SIDE = np.array([0, 1, 0, 1, 0, 1])
 #: True for the four wheels that hang on a bogie.
@@ -42,13 +43,14 @@ def check_steering(rover: Rover, steering: ArrayLike | None) -> Array:
     s = np.asarray(steering, dtype=float)
     if s.shape[-1:] != (6,):
         raise RockerbogieError(f"steering has shape {s.shape}; its last axis must be 6, one angle a wheel (0 where none steers)")
-    said = once(s)
-    if not np.isfinite(said).all():
-        raise RockerbogieError("steering holds an angle that is not finite")
-    if (np.abs(said) @ ~rover.steers).any():  # a product, for that is quicker than to look down six columns
-        turned = said.reshape(-1, 6).any(axis=0) & ~rover.steers
-        names = ", ".join(n for n, bad in zip(rover.wheel_names, turned, strict=True) if bad)
-        raise RockerbogieError(f"wheel {names} of rover {rover.name!r} does not steer: give it 0")
+    said, fixed = once(s).reshape(-1, 6), ~rover.steers
+    for start in range(0, len(said), RUN):
+        part = said[start : start + RUN]
+        if not np.isfinite(part).all():
+            raise RockerbogieError("steering holds an angle that is not finite")
+        if (np.abs(part) @ fixed).any():  # a product, for that is quicker than to look down columns
+            names = ", ".join(n for n, bad in zip(rover.wheel_names, fixed & part.any(axis=0), strict=True) if bad)
+            raise RockerbogieError(f"wheel {names} of rover {rover.name!r} does not steer: give it 0")
     return s
 
 

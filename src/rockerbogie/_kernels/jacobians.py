@@ -17,7 +17,7 @@ ROCKER, BOGIE_LEFT, BOGIE_RIGHT, STEERING, WHEEL, ROLL_SLIP, SIDE_SLIP, TURN_SLI
 
 #: Angles of a pose that want a sine: both rockers, both bogies' links, steering and contact of six wheels.
 ARM, HANG, TURN, TOUCH, ANGLES = 0, 2, 4, 10, 16
-BLOCK = 8  # poses whose sines are taken together
+BLOCK = 2  # poses whose sines are taken together
 
 
 @inlined
@@ -69,12 +69,12 @@ def wheel_jacobians_batch(
     """Fill J (n, 6, 6, 9) from rocker (n,), bogie (n, 2), steering (n, 6) or (1, 6) and contact angles (n, 6).
 
     Axes of J: pose, wheel, twist component, column. Frames (n, 6, 4, 4), axle to body, are filled too if there are any.
-    The angles of a block of poses are laid side by side and their sines worked out together, for that was most of the
-    time. J is indexed whole: a view of a part is counted atomically, and that costs more than the part.
+    The angles of a block of poses are laid side by side and their sines worked out together: one by one they were most
+    of the time. A block's J is put together close by, where its zeros stay, and copied out whole.
     """
     angle, sine, cosine, slope = np.empty(ANGLES * BLOCK), np.empty(ANGLES * BLOCK), np.empty(ANGLES * BLOCK), np.empty(BLOCK)
-    block, whole = np.zeros((BLOCK, 6, 6, 9)), J.reshape(-1, 324)
-    flat_block = block.reshape(-1, 324)
+    block, out = np.zeros((BLOCK, 6, 6, 9)), J.reshape(-1, 324)
+    rows = block.reshape(-1, 324)
     for first in range(start, stop, BLOCK):
         count = min(BLOCK, stop - first)
         for lane in range(count):
@@ -112,17 +112,18 @@ def wheel_jacobians_batch(
                     fx, fy = fx - cs * bx + ss * by, fy - ss * bx - cs * by
                     hx, hy, hz = ox + cl * fx + sl * fz, oy + fy, oz - sl * fx + cl * fz
                     cd, sd = cosine[at + TOUCH + i], sine[at + TOUCH + i]
+                    ax, ay, az = cs * cl, ss, -cs * sl  # the axle's frame: forward, along the axle, and up (sl, 0, cl)
                     yx, yy, yz = -ss * cl, cs, ss * sl
-                    xx, xy, xz = cd * cs * cl - sd * sl, cd * ss, -cd * cs * sl - sd * cl
-                    zx, zy, zz = sd * cs * cl + cd * sl, sd * ss, -sd * cs * sl + cd * cl
+                    xx, xy, xz = cd * ax - sd * sl, cd * ay, cd * az - sd * cl
+                    zx, zy, zz = sd * ax + cd * sl, sd * ay, sd * az + cd * cl
                     r = rover[P_RADIUS + i]
                     _slide(block, lane, i, WHEEL, r * xx, r * xy, r * xz)
                     _slide(block, lane, i, ROLL_SLIP, xx, xy, xz)
                     _slide(block, lane, i, SIDE_SLIP, yx, yy, yz)
-                    _turn(block, lane, i, TURN_SLIP, hx - r * zx, hy - r * zy, hz - r * zz, zx, zy, zz)
+                    _turn(block, lane, i, TURN_SLIP, hx, hy, hz, zx, zy, zz)  # the contact's normal goes through the hub
                     _turn(block, lane, i, CONTACT_ANGLE, hx, hy, hz, -yx, -yy, -yz)
                     if frames.shape[0] > 0:
-                        _frame(frames, k, i, cs * cl, ss, -cs * sl, yx, yy, yz, sl, cl, hx, hy, hz)
+                        _frame(frames, k, i, ax, ay, az, yx, yy, yz, sl, cl, hx, hy, hz)
         for lane in range(count):
             for e in range(324):
-                whole[first + lane, e] = flat_block[lane, e]
+                out[first + lane, e] = rows[lane, e]
