@@ -18,7 +18,19 @@ from ..formats import load_rover
 from ..places import LogMap, read_places
 from ..status import Status
 from ..validate import validate as compare_with_log
-from .common import Folder, Json, RoverName, TerrainName, load_terrain, make_folder, parse_point, print_json, progress
+from .common import (
+    SURFACE,
+    Folder,
+    Json,
+    Linear,
+    RoverName,
+    TerrainName,
+    load_terrain,
+    make_folder,
+    parse_point,
+    print_json,
+    progress,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -42,7 +54,7 @@ def validate(
     level: float = 0.8,
     draws: int = 400,
     seed: int = 0,
-    linear: Annotated[bool, Parameter(name="--linear", negative="--cubic")] = True,
+    linear: Linear = None,
     output: Folder = None,
     json: Json = False,
 ) -> None:
@@ -82,14 +94,15 @@ def validate(
     seed
         Of the draws.
     linear
-        Bilinear ground between the nodes, or a smooth cubic surface.
+        Bilinear ground between the nodes, or a smooth cubic surface. Default: linear for files, which swings less with their
+        errors.
     output
         Folder for picture and data.
     json
         Print JSON (SI units, radians) in place of the tables.
     """
     machine = load_rover(rover)
-    ground = load_terrain(terrain, linear)
+    ground = load_terrain(terrain, True if linear is None and not terrain.startswith(SURFACE) else linear)
     places = read_places(log, machine, _mapping(mapping, column or [], frame, origin))
     with progress() as bar:
         task = bar.add_task("settling on drawn grounds" if draws else "settling", total=1.0)

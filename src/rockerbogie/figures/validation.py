@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 #: Most places whose names fit under an axis, and most of those outside their band that are named in a scatter.
 MOST_TICKS, MOST_NAMED = 40, 8
+POSITIVE = {"pitch": "nose down", "roll": "left side up"}
 BAND, INSIDE, OUTSIDE = "#B7D3E6", LEFT, RIGHT
 
 
@@ -115,6 +116,6 @@ def _along(axes: Axes, places: xr.Dataset, channel: str, band: bool) -> None:
     axes.set_xticks(number[::every], labels[::every], rotation=90, fontsize=8)
     axes.grid(visible=False, axis="x")
     name = str(places.attrs.get("place_is", "row"))
-    axes.set(xlabel=f"place, by {name}", ylabel=f"{channel} (deg)", title="Place by place")
+    axes.set(xlabel=f"place, by {name}", ylabel=f"{channel}, {POSITIVE[channel]} positive (deg)", title="Place by place")
     if band:
         axes.set_title(f"Place by place: {100 * float(places['coverage']):.0f} % inside the band")
