@@ -183,6 +183,37 @@ def contact_rows(rover: Rover, pose: Stance, steering: ArrayLike | None = None) 
     return rows
 
 
+def reading(name: str, value: ArrayLike, *last: int) -> Array:
+    """What a sensor or a caller says, as an array whose last axes are `last`; nan is no reading.
+
+    Raises:
+        RockerbogieError: no numbers, another shape, or infinite values.
+    """
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise RockerbogieError(f"{name} must be numbers, not {value!r:.60}") from None
+    if array.shape[array.ndim - len(last) :] != last:
+        wanted = f"its last axis must be {last[0]}" if len(last) == 1 else f"its last axes must be {last}"
+        raise RockerbogieError(f"{name} has shape {array.shape}; {wanted}")
+    if np.isinf(array).any():
+        raise RockerbogieError(f"{name} holds {int(np.isinf(array).sum())} infinite values; mark a missing reading with nan")
+    return array
+
+
+def batch_shape(**shapes: tuple[int, ...]) -> tuple[int, ...]:
+    """The batch axes that all of these broadcast to.
+
+    Raises:
+        RockerbogieError: they do not.
+    """
+    try:
+        return np.broadcast_shapes(*shapes.values())
+    except ValueError:
+        told = ", ".join(f"{name} {shape}" for name, shape in shapes.items() if shape)
+        raise RockerbogieError(f"batch axes do not broadcast together: {told}") from None
+
+
 def ground_rates(rows: Array, twist: ArrayLike, steering_rates: ArrayLike = 0.0) -> Array:
     """Rates (..., 3) of rocker and bogies that best keep six wheels on the ground while the body moves at twist (..., 6)."""
     given = np.asarray(twist, dtype=float)

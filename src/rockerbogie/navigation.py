@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import RockerbogieError
-from .jacobian import Stance, contact_rows
+from .jacobian import Stance, batch_shape, contact_rows, reading
 from .rover import Rover
 
 Array = NDArray[np.float64]
@@ -71,29 +71,32 @@ def body_twist(
         noise: how far each is trusted.
 
     Raises:
-        RockerbogieError: a reading whose shape does not fit.
+        RockerbogieError: a reading whose shape does not fit, or that is infinite.
     """
-    readings = []
+    readings: dict[str, tuple[Array, Array]] = {}
     noise = noise or Noise()
     if rocker_rate is not None:
-        readings.append(_direct(np.asarray(rocker_rate, dtype=float)[..., None], [6], noise.joint_rate))
+        readings["rocker_rate"] = _direct(reading("rocker_rate", rocker_rate)[..., None], [6], noise.joint_rate)
     if bogie_rates is not None:
-        readings.append(_direct(_reading("bogie_rates", bogie_rates, 2), [7, 8], noise.joint_rate))
+        readings["bogie_rates"] = _direct(reading("bogie_rates", bogie_rates, 2), [7, 8], noise.joint_rate)
     if gyro is not None:
-        readings.append(_direct(_reading("gyro", gyro, 3), [3, 4, 5], noise.gyro))
+        readings["gyro"] = _direct(reading("gyro", gyro, 3), [3, 4, 5], noise.gyro)
     if inclinometer_rates is not None:
-        readings.append(_leaning(pose, _reading("inclinometer_rates", inclinometer_rates, 2), noise.inclinometer))
-    turned = np.zeros(6) if steering_rates is None else _reading("steering_rates", steering_rates, 6)
+        readings["inclinometer_rates"] = _leaning(pose, reading("inclinometer_rates", inclinometer_rates, 2), noise.inclinometer)
+    turned = np.zeros(6) if steering_rates is None else reading("steering_rates", steering_rates, 6)
     rolled = np.full(6, np.nan)
     if wheel_rates is not None:
-        rolled = rover.wheel_radius * _reading("wheel_rates", wheel_rates, 6)
-    slip = np.zeros((6, 3)) if expected_slip is None else _reading("expected_slip", expected_slip, 3)
+        rolled = rover.wheel_radius * reading("wheel_rates", wheel_rates, 6)
+    slip = np.zeros((6, 3)) if expected_slip is None else reading("expected_slip", expected_slip, 6, 3)
     rows = contact_rows(rover, pose, steering)
+    given = {"steering_rates": turned.shape[:-1], "wheel_rates": rolled.shape[:-1], "expected_slip": slip.shape[:-2]}
+    given |= {name: value.shape[:-1] for name, (_, value) in readings.items()}
+    batch_shape(pose=rows.shape[:-3], **given)
     equations = [
         _equations(rows[..., 0, :], rolled + slip[..., 0], turned, noise.roll_slip),
         _equations(rows[..., 1, :], slip[..., 1], turned, noise.side_slip),
         _equations(rows[..., 2, :], slip[..., 2], turned, noise.lift),
-        *readings,
+        *readings.values(),
     ]
     shape = np.broadcast_shapes(rows.shape[:-3], turned.shape[:-1], *(value.shape[:-1] for _, value in equations))
     A = np.concatenate([np.broadcast_to(a, (*shape, *a.shape[-2:])) for a, _ in equations], axis=-2)
@@ -103,13 +106,6 @@ def body_twist(
     contact = np.einsum("...ijk,...k->...ij", rows[..., :3, :9], x) + rows[..., :3, 9] * turned[..., None]
     contact[..., 0] -= rolled
     return Motion(x[..., :6], covariance[..., :6, :6], x[..., 6], x[..., 7:], contact)
-
-
-def _reading(name: str, value: ArrayLike, last: int) -> Array:
-    array = np.asarray(value, dtype=float)
-    if array.shape[-1:] != (last,):
-        raise RockerbogieError(f"{name} has shape {array.shape}; its last axis must be {last}")
-    return array
 
 
 def _equations(row: Array, value: Array, steering_rates: Array, sigma: ArrayLike) -> tuple[Array, Array]:

@@ -283,11 +283,12 @@ def _array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
 
 def _sides(name: str, value: ArrayLike) -> Array:
     array = _numbers(name, value)
-    if array.shape == (3,):
-        return np.stack([array, array * (1, -1, 1)])
-    if array.shape == (2, 3):
-        return array
-    raise RoverError(f"{name} has shape {array.shape}; give (3,) for the left side or (2, 3) for both")
+    if array.shape not in ((3,), (2, 3)):
+        raise RoverError(f"{name} has shape {array.shape}; give (3,) for the left side or (2, 3) for both")
+    sides = np.stack([array, array * (1, -1, 1)]) if array.ndim == 1 else array
+    if sides[0, 1] < sides[1, 1]:
+        raise RoverError(f"{name} has its left pivot at y = {sides[0, 1]:g} m, right of its right one: give the left side, y > 0")
+    return sides
 
 
 def _hubs(value: ArrayLike) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .jacobian import Stance, contact_rows, ground_rates
+from .jacobian import Stance, batch_shape, contact_rows, ground_rates, reading
 from .rover import Rover
 
 Array = NDArray[np.float64]
@@ -45,14 +45,21 @@ def wheel_slip(
         rocker_rate, bogie_rates: (...) and (..., 2) rad/s. Not given, those that keep the wheels on the ground.
         steering_rates: (..., 6) rad/s; not given, the wheels hold their steering.
         steering: (..., 6) rad; default the pose's own.
+
+    Raises:
+        RockerbogieError: a shape that does not fit, or a reading that is infinite.
     """
     rows = contact_rows(rover, pose, steering)
-    u, spin = np.asarray(twist, dtype=float), np.asarray(wheel_rates, dtype=float)
-    turned = np.zeros(6) if steering_rates is None else np.asarray(steering_rates, dtype=float)
+    u, spin = reading("twist", twist, 6), reading("wheel_rates", wheel_rates, 6)
+    turned = np.zeros(6) if steering_rates is None else reading("steering_rates", steering_rates, 6)
+    rocker = None if rocker_rate is None else reading("rocker_rate", rocker_rate)
+    bogies = None if bogie_rates is None else reading("bogie_rates", bogie_rates, 2)
+    given = {"twist": u, "wheel_rates": spin, "steering_rates": turned, "bogie_rates": bogies}
+    shapes = {name: value.shape[:-1] for name, value in given.items() if value is not None}
+    shape = batch_shape(pose=rows.shape[:-3], rocker_rate=() if rocker is None else rocker.shape, **shapes)
     joints = ground_rates(rows, u, turned)
-    rocker = joints[..., 0] if rocker_rate is None else np.asarray(rocker_rate, dtype=float)
-    bogies = joints[..., 1:] if bogie_rates is None else np.asarray(bogie_rates, dtype=float)
-    shape = np.broadcast_shapes(rocker.shape, bogies.shape[:-1])
+    rocker = joints[..., 0] if rocker is None else rocker
+    bogies = joints[..., 1:] if bogies is None else bogies
     joints = np.concatenate([np.broadcast_to(rocker, shape)[..., None], np.broadcast_to(bogies, (*shape, 2))], axis=-1)
     motion = np.einsum("...ijk,...k->...ij", rows[..., :6], u) + np.einsum("...ijk,...k->...ij", rows[..., 6:9], joints)
     motion = motion + rows[..., 9] * turned[..., None]

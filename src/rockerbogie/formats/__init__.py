@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tomllib
 import warnings
 from collections.abc import Sequence
@@ -61,6 +62,8 @@ def load_rover(name_or_path: str | Path) -> Rover:
         RoverError: no such preset or file, or a file that does not describe a rover that can be.
     """
     known = presets()
+    if not isinstance(name_or_path, str | os.PathLike):
+        raise RoverError(f"{name_or_path!r:.60} names no rover: give a preset ({', '.join(sorted(known))}) or the path of a file")
     text = str(name_or_path)
     if text in known:
         return read_toml(_read(known[text] / "rover.toml").decode(), name=text)
