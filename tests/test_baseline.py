@@ -37,6 +37,19 @@ def test_flat_ground_gives_the_papers_rest_pose() -> None:
     assert_close(pose.q[1:], expected, 1e-6, "rad", "the 0.3 mm in the paper's own constants")
 
 
+def test_below_the_hubs_is_right_on_level_ground_and_wrong_by_the_slope_s_share_elsewhere() -> None:
+    level = rb.surfaces.plane()
+    assert_close(
+        fsolve_settle(ROVER, level, 0.3, -0.2, 1.0, contact="hub").q, rb.settle(ROVER, level, 0.3, -0.2, 1.0).q, 1e-6, "m, rad",
+        "the contact is below the hub there, but for the 0.03 deg the body leans",
+    )  # fmt: skip
+    slope = np.tan(0.2)
+    ramp = rb.Terrain.from_array(np.arange(-50, 51) * 0.1 * slope * np.ones((101, 1)), 0.1, (-5, -5))
+    high, exact = fsolve_settle(ROVER, ramp, 0, 0, contact="hub"), rb.settle(ROVER, ramp, 0, 0)
+    short = ROVER.wheel_radius[0] * (1 / np.cos(0.2) - 1)
+    assert_close(exact.z - high.z, short, 1e-4, "m", "a radius is less than its share of the vertical, by 1 / cos of the slope")
+
+
 def test_it_solves_eqs_11_to_16() -> None:
     """Through frames and contact frames, at the angles its own answer implies."""
     pose = fsolve_settle(ROVER, ROUGH, *places(20))
@@ -117,7 +130,7 @@ def test_shapes_broadcast() -> None:
 
 
 def test_unknown_contact_is_refused() -> None:
-    with pytest.raises(rb.RockerbogieError, match="contact 'edge' is not known; give 'point' or 'rim'"):
+    with pytest.raises(rb.RockerbogieError, match="contact 'edge' is not known; give 'hub', 'point' or 'rim'"):
         fsolve_settle(ROVER, ROUGH, 0, 0, contact="edge")  # type: ignore[arg-type]
 
 

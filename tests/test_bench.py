@@ -5,24 +5,106 @@ import json
 import numpy as np
 import pytest
 
+import rockerbogie as rb
 from rockerbogie import bench
+from rockerbogie.bench import baselines, costs
+from rockerbogie.bench.tables import tables
 from rockerbogie.cli import main
 
+GROWTH = {"poses": "poses", "nodes": "nodes", "cells": "radius_over_cell"}
 
-def test_a_case_is_timed_beside_the_paper_s_way_on_the_same_places() -> None:
+
+def test_a_case_is_timed_beside_other_ways_on_the_same_places() -> None:
     case = bench.cases()[0]
-    result = bench.run_case(case, poses=200, baseline_poses=2)
+    result = bench.run_case(case, poses=200, baseline_poses=2, drops=1)
     assert result.settled == 1.0
     assert result.worst_gap <= 1e-6
-    assert 0 < result.us_p50 <= result.us_p99
+    assert result.within_1e_6 == 1.0
+    assert 0 <= result.within_1e_9 <= 1
+    assert result.us_p50 <= result.us_p99
+    assert set(result.ratios) == {"hub", "point", "rim", "mujoco"}
     assert all(np.isfinite(ratio) and ratio > 1 for ratio in result.ratios.values())
+    assert all(share == 1.0 for share in result.baseline_solved.values()), "smooth ground is easy for all of them"
+    assert result.poses_per_s == pytest.approx(1e6 / result.us)
 
 
 def test_every_case_settles_nearly_everywhere() -> None:
     for case in bench.cases():
         x, y, yaw = bench.places(case, 100)
-        status = bench.settle(case.rover, case.terrain, x, y, yaw).status
+        status = rb.settle(case.rover, case.terrain, x, y, yaw).status
         assert (np.isin(status, (0, 3))).mean() >= 0.97, case.name
+
+
+def test_a_raster_is_one_more_case_and_its_holes_are_no_place(tmp_path) -> None:
+    rasterio = pytest.importorskip("rasterio", reason="rasterio writes the raster")
+    z = np.zeros((60, 80), dtype="float32")
+    z[:, 40:] = np.nan
+    file = tmp_path / "dem.tif"
+    with rasterio.open(
+        file, "w", driver="GTiff", width=80, height=60, count=1, dtype="float32", nodata=np.nan, crs="EPSG:32633",
+        transform=rasterio.transform.from_origin(5e5, 4e6, 1.0, 1.0),
+    ) as out:  # fmt: skip
+        out.write(z, 1)
+    case = bench.cases(file)[-1]
+    assert case.name == "dem.tif, whole tread"
+    x, y, _ = bench.places(case, 300)
+    assert np.isfinite(case.terrain.height(x, y)).all()
+
+
+def test_a_drop_that_does_not_rest_is_no_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    case = bench.cases()[0]
+    x, y, yaw = bench.places(case, 1)
+    monkeypatch.setattr(baselines, "MOST_BLOCKS", 1)
+    seconds, share = baselines.drop_seconds(case, x, y, yaw)
+    assert np.isnan(seconds)
+    assert share == 0
+
+
+def test_pinocchio_without_its_calls_is_quicker_than_with_them() -> None:
+    pytest.importorskip("pinocchio", reason="Pinocchio (pin) is what Jacobians are timed against; it is not installed")
+    found = baselines.pinocchio_seconds(rb.load_rover("elhami-dashti"), 500)
+    assert found is not None
+    assert 0 < found[0] < found[1]
+
+
+def test_memory_is_what_a_pose_is_made_of() -> None:
+    found = costs.memory(40_000)
+    assert found["kept_mb"] == pytest.approx(49, abs=3), "six numbers and a status"
+    assert found["kept_mb"] <= found["peak_mb"] < 100
+
+
+@pytest.fixture(scope="module")
+def figures() -> dict:
+    """Of one small case; what is not timed here stands in as it is written."""
+    from dataclasses import asdict
+
+    return {
+        "schema": bench.SCHEMA, "machine": bench.machine(),
+        "cases": [asdict(bench.run_case(bench.cases()[0], poses=100, baseline_poses=1, drops=1))],
+        "calls": {"single_us": 15.0, "empty_us": 12.0, "first_settle_s": 0.8},
+        "jacobians": {"poses": 2000, "us": 0.1, "many": 10, "us_many": 0.2, "us_many_new_memory": 0.3},
+        "memory": {"poses": 10, "kept_mb": 49.0, "peak_mb": 73.0},
+        "growth": {name: [{key: 1.3, "us": 1.0}] for name, key in GROWTH.items()},
+    }  # fmt: skip
+
+
+def test_figures_are_plain_json_and_make_tables(figures: dict, tmp_path) -> None:
+    again = json.loads(json.dumps(figures))
+    made = tables(again, {"smooth cubic, thin disc": 12.0})
+    assert made[0].rows[0][0] == "smooth cubic, thin disc"
+    assert made[1].headings[-1] == "before"
+    assert made[1].rows[0][-1] == "12"
+    for table in made:
+        assert all(len(row) == len(table.headings) for row in table.rows)
+        lines = table.markdown().splitlines()
+        assert len({line.count("|") for line in lines[2:]}) == 1
+
+
+def test_a_baseline_that_fails_is_not_a_ratio(figures: dict) -> None:
+    case = {**figures["cases"][0], "baseline_solved": {"hub": 1.0, "point": 0.4, "rim": 0.0, "mujoco": 1.0}}
+    row = dict(zip((made := tables({**figures, "cases": [case]})[1]).headings, made.rows[0], strict=True))
+    assert row["point"].endswith("*")
+    assert row["rim"] == "fails"
 
 
 @pytest.mark.parametrize("content", ["{}", "not json", '{"cases": [{"name": 1}]}'])
@@ -38,7 +120,6 @@ def test_a_missing_file_to_compare_with_is_refused(tmp_path, capsys) -> None:
     assert "--save" in capsys.readouterr().err
 
 
-def test_figures_are_plain_json() -> None:
-    result = bench.run_case(bench.cases()[0], poses=100, baseline_poses=1)
-    again = json.loads(json.dumps(bench.as_json([result])))
-    assert again[0]["name"] == "smooth cubic, thin disc"
+def test_too_few_poses_are_refused(capsys) -> None:
+    assert main(["bench", "--poses", "3"]) == 2
+    assert "--poses is 3" in capsys.readouterr().err

@@ -18,7 +18,7 @@ from .status import Status
 from .terrain import Terrain
 
 Array = NDArray[np.float64]
-Contact = Literal["point", "rim"]
+Contact = Literal["hub", "point", "rim"]
 
 RIM_ANGLES = np.linspace(-np.pi / 2, np.pi / 2, 23)  # the lower half of the rim
 MOST_PASSES = 50  # at a contact angle, which its own place on the ground defines
@@ -34,15 +34,16 @@ def fsolve_settle(
     Args:
         x, y, yaw: (...) as for `settle`. The wheels are not steered, their width and the joints' stops not known here.
         contact: "point", the paper's: each wheel touches at the contact angle of eqs (14)-(16). "rim": the least gap
-            over 23 points of the rim's lower half, as ground with more than one contact needs.
+            over 23 points of the rim's lower half, as ground with more than one contact needs. "hub": a radius straight
+            below the hub, the quickest there is, and right on level ground alone.
 
     Returns:
         Pose whose status is CONVERGED, OFF_MAP, NO_DATA or NOT_CONVERGED; all but the first are nan.
     """
     from scipy.optimize import fsolve
 
-    if contact not in ("point", "rim"):
-        raise RockerbogieError(f"contact {contact!r} is not known; give 'point' or 'rim'")
+    if contact not in ("hub", "point", "rim"):
+        raise RockerbogieError(f"contact {contact!r} is not known; give 'hub', 'point' or 'rim'")
     px, py, heading = (np.array(a) for a in np.broadcast_arrays(*(np.asarray(v, dtype=float) for v in (x, y, yaw))))
     q = np.full((*px.shape, 6), np.nan)
     status = np.full(px.shape, Status.NOT_CONVERGED, dtype=np.uint8)
@@ -51,7 +52,10 @@ def fsolve_settle(
 
         def residual(u: Array, place: tuple[float, float, float] = place) -> Array:
             """Eqs (13): height of the ground less that of each contact, m."""
-            point = _rim_points(rover, *place, u) if contact == "rim" else _contact_points(rover, terrain, *place, u)
+            if contact == "hub":
+                point = _axles(rover, *place, u)[0] - rover.wheel_radius[:, None] * (0.0, 0.0, 1.0)
+            else:
+                point = _rim_points(rover, *place, u) if contact == "rim" else _contact_points(rover, terrain, *place, u)
             over = terrain.height(point[..., 0], point[..., 1]) - point[..., 2]
             return np.asarray(over.max(axis=-1) if contact == "rim" else over)
 

@@ -1,0 +1,134 @@
+"""How fast, as ratios to baselines timed in the same run (docs/bench.md).
+
+Machines differ and are busy, so a time says little by itself: each case is timed beside the paper's own way, fsolve on
+eqs (13), and beside drops in MuJoCo, on the same ground and the same places, warm, in one run; Jacobians beside Pinocchio's.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._kernels.jit import threads
+from ..settle import settle
+from .baselines import drop_seconds, fsolve_seconds
+from .cases import Case, cases, places
+from .clock import best, timed
+from .costs import calls, jacobians, memory
+from .growth import growth
+
+__all__ = ["SCHEMA", "Case", "Result", "cases", "figures", "machine", "places", "run_case"]
+
+Array = NDArray[np.float64]
+
+#: Of the saved figures; raised when a name goes or changes its meaning, not when one comes.
+SCHEMA = 2
+GROUP = 16  # poses timed together for the percentiles
+
+
+@dataclass(frozen=True)
+class Result:
+    """What was timed of a case. Times are µs a pose on one thread unless said; gaps m, of the poses that converged."""
+
+    name: str
+    poses: int
+    settled: float  # share of the poses
+    us: float  # scattered places, each from a cold start
+    us_p50: float  # of groups of GROUP poses, the call's own cost taken off
+    us_p99: float
+    us_along: float  # places one after another on a line
+    threads: int
+    us_all_threads: float  # by the clock on the wall
+    speedup: float  # and one thread's over it, by the same clock
+    poses_per_s: float
+    poses_per_s_all_threads: float
+    worst_gap: float
+    within_1e_9: float  # share of the converged with all six gaps within 1e-9 m of zero
+    within_1e_6: float
+    baseline_us: dict[str, float]  # "hub", "point", "rim": fsolve's; "mujoco": a drop's
+    baseline_solved: dict[str, float]  # share of the places each was given
+    ratios: dict[str, float]  # the baseline's time over `us`
+
+
+def run_case(case: Case, poses: int = 10_000, baseline_poses: int = 20, drops: int = 2) -> Result:
+    """Time one case: scattered places from a cold start, places one after another along a line, one thread and all."""
+    x, y, yaw = places(case, poses)
+    line = np.linspace(0, 1, poses)
+
+    def settled() -> object:
+        return settle(case.rover, case.terrain, x, y, yaw)
+
+    pose = settle(case.rover, case.terrain, x, y, yaw)  # compiles, warms
+    with threads(1):
+        groups = _groups(case, x, y, yaw)
+        whole = best(settled) / poses
+        along = best(lambda: settle(case.rover, case.terrain, x[0] + line * (x[1] - x[0]), y[0] + line * (y[1] - y[0]), yaw[0]))
+        one_wall = best(settled, clock=perf_counter) / poses
+    with threads(None) as count:
+        all_wall = best(settled, clock=perf_counter) / poses
+    few, fewer = slice(0, baseline_poses), slice(0, drops)
+    baseline = {
+        "hub": fsolve_seconds(case, x[few], y[few], yaw[few], "hub"),
+        "point": fsolve_seconds(case, x[few], y[few], yaw[few], "point"),
+        "rim": fsolve_seconds(case, x[few], y[few], yaw[few], "rim"),
+        "mujoco": drop_seconds(case, x[fewer], y[fewer], yaw[fewer]),
+    }
+    gap = np.abs(pose.gap[pose.status == 0]).max(axis=-1)
+    return Result(
+        name=case.name, poses=poses, settled=float((pose.status == 0).mean()),
+        us=1e6 * whole, us_p50=1e6 * float(np.median(groups)), us_p99=1e6 * float(np.percentile(groups, 99)),
+        us_along=1e6 * along / poses,
+        threads=count, us_all_threads=1e6 * all_wall, speedup=one_wall / all_wall,
+        poses_per_s=1 / whole, poses_per_s_all_threads=1 / all_wall,
+        worst_gap=float(gap.max()), within_1e_9=float((gap <= 1e-9).mean()), within_1e_6=float((gap <= 1e-6).mean()),
+        baseline_us={name: 1e6 * seconds for name, (seconds, _) in baseline.items()},
+        baseline_solved={name: share for name, (_, share) in baseline.items()},
+        ratios={name: seconds / whole for name, (seconds, _) in baseline.items()},
+    )  # fmt: skip
+
+
+def _groups(case: Case, x: Array, y: Array, yaw: Array) -> Array:
+    """Seconds a pose of each group of `GROUP`."""
+    none = np.empty(0)
+    call = best(lambda: settle(case.rover, case.terrain, none, none, none), 200)
+    return np.array([timed(_part(case, x, y, yaw, k)) - call for k in range(0, len(x) - GROUP + 1, GROUP)]) / GROUP
+
+
+def _part(case: Case, x: Array, y: Array, yaw: Array, first: int) -> Callable[[], object]:
+    part = slice(first, first + GROUP)
+    return lambda: settle(case.rover, case.terrain, x[part], y[part], yaw[part])
+
+
+def figures(
+    poses: int = 10_000, baseline_poses: int = 20, drops: int = 2, raster: Path | None = None
+) -> Iterator[tuple[str, int, dict[str, object]]]:
+    """Time everything; yields (what was timed, how many steps there are, all figures so far) as each is done."""
+    every = cases(raster)
+    steps = len(every) + 4
+    done: list[dict[str, object]] = []
+    table: dict[str, object] = {"schema": SCHEMA, "machine": machine(), "cases": done}
+    for case in every:
+        done.append(asdict(run_case(case, poses, baseline_poses, drops)))
+        yield case.name, steps, table
+    for name, measure in (("calls", calls), ("jacobians", jacobians), ("memory", memory), ("growth", growth)):
+        table[name] = measure()
+        yield name, steps, table
+
+
+def machine() -> dict[str, object]:
+    """What the times were taken on."""
+    from importlib.metadata import version
+
+    from .. import __version__
+
+    return {
+        "version": __version__, "machine": platform.machine(), "cores": os.cpu_count(), "python": platform.python_version(),
+        "numba": version("numba"), "numpy": np.__version__,
+    }  # fmt: skip

@@ -1,0 +1,73 @@
+"""What is settled on what: the named cases, and where on them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import surfaces
+from ..formats import load_rover
+from ..rover import Rover
+from ..terrain import Terrain
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One ground, one rover."""
+
+    name: str
+    rover: Rover
+    terrain: Terrain
+
+
+def cases(raster: Path | None = None) -> list[Case]:
+    """The named cases: smooth cubic ground, rough linear ground under thin discs, rocks under whole treads, Mars as maps
+    are made of it, and a raster file's ground if one is given."""
+    paper, rocky, percy, curiosity = (load_rover(n) for n in ("elhami-dashti", "rocky7", "perseverance", "curiosity"))
+    mars = surfaces.mars(1, size=200.0, spacing=1.0, k=0.0, smallest_crater=10.0, interpolation="cubic")
+    every = [
+        Case("smooth cubic, thin disc", paper, smooth_ground()),
+        Case("rough 5 cm, thin disc", rocky.replace(wheel_width=np.zeros(6)), rough_ground(400)),
+        Case("rocks 10 cm, whole tread", percy, rocky_ground(0.1)),
+        Case("rocks 5 cm, whole tread", percy, rocky_ground(0.05)),
+        Case("Mars 1 m cubic, whole tread", curiosity, mars),
+        Case("Mars 1 m linear, whole tread", curiosity, Terrain.from_array(mars.z, mars.spacing, mars.origin, "linear")),
+    ]
+    if raster is not None:
+        every.append(Case(f"{raster.name}, whole tread", curiosity, Terrain.from_raster(raster, interpolation="linear")))
+    return every
+
+
+def smooth_ground() -> Terrain:
+    """Cubic, slopes of 15 deg at most and no radius below 0.5 m."""
+    return surfaces.rough(1, max_slope=np.radians(15), min_radius=0.5, size=12.0)
+
+
+def rough_ground(nodes: int) -> Terrain:
+    """Linear, every node a centimetre off by chance, 5 cm apart."""
+    noise = np.random.default_rng(0).normal(size=(nodes, nodes)) * 0.01
+    return Terrain.from_array(noise, 0.05, interpolation="linear", name="1 cm noise")
+
+
+def rocky_ground(spacing: float) -> Terrain:
+    """Linear, a tenth of it rocks, down to 10 cm or the smallest that the grid can hold."""
+    return surfaces.rocks(0.1, 1, size=40.0, spacing=spacing, smallest=max(0.1, 2 * spacing))
+
+
+def places(case: Case, poses: int) -> tuple[Array, Array, Array]:
+    """Seeded x, y, yaw (poses,) that keep the rover on the map; on a map with holes, on ground that is known."""
+    rng = np.random.default_rng(2)
+    x0, y0, x1, y1 = case.terrain.bounds
+    margin = case.rover.wheelbase
+    x, y = rng.uniform(x0 + margin, x1 - margin, poses), rng.uniform(y0 + margin, y1 - margin, poses)
+    for _ in range(100):
+        lost = np.isnan(case.terrain.height(x, y))
+        if not lost.any():
+            break
+        x[lost], y[lost] = rng.uniform(x0 + margin, x1 - margin, lost.sum()), rng.uniform(y0 + margin, y1 - margin, lost.sum())
+    return x, y, rng.uniform(-np.pi, np.pi, poses)

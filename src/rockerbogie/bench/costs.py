@@ -1,0 +1,70 @@
+"""What does not belong to a ground: a call, a start, six Jacobians, memory."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tracemalloc
+from time import perf_counter
+
+import numpy as np
+
+from .._kernels.jit import threads
+from ..formats import load_rover
+from ..jacobian import SimpleStance, wheel_jacobians
+from ..settle import settle
+from .baselines import pinocchio_seconds
+from .cases import cases, places
+from .clock import best, each
+
+FIRST_SETTLE = "import rockerbogie as rb; print(rb.settle(rb.load_rover('curiosity'), rb.surfaces.plane(), 0.0, 0.0).status)"
+
+
+def calls() -> dict[str, float]:
+    """One settle of one pose from Python and the same of none, µs; from a shell to the first pose with kernels compiled, s."""
+    case = cases()[0]
+    x, y, yaw = (float(a[0]) for a in places(case, 1))
+    none = np.empty(0)
+    python = [sys.executable, "-c", FIRST_SETTLE]
+    return {
+        "single_us": 1e6 * each(lambda: settle(case.rover, case.terrain, x, y, yaw), 2000),
+        "empty_us": 1e6 * each(lambda: settle(case.rover, case.terrain, none, none, none), 2000),
+        "first_settle_s": best(lambda: subprocess.run(python, check=True, capture_output=True), clock=perf_counter),
+    }
+
+
+def jacobians(poses: int = 2000, many: int = 100_000) -> dict[str, float]:
+    """µs a pose on one thread for frames and Jacobians of six wheels: into memory that is used again, in batches that stay
+    near the processor, for many poses at once, and without memory given; and Pinocchio's for the same."""
+    rover = load_rover("elhami-dashti")
+
+    def stance(count: int) -> SimpleStance:
+        rng = np.random.default_rng(3)
+        rocker, bogie, contact, steering = (rng.normal(0, 0.2, (count, *tail)) for tail in ((), (2,), (6,), (6,)))
+        return SimpleStance(rocker, bogie, contact, steering * rover.steers)
+
+    def cost(count: int, *, given: bool) -> float:
+        at, out, frames = stance(count), np.zeros((count, 6, 6, 9)), np.zeros((count, 6, 4, 4))
+        memory = {"out": out, "frames": frames} if given else {}
+        return 1e6 / count * each(lambda: wheel_jacobians(rover, at, **memory), max(20_000 // count, 1), 7)
+
+    with threads(1):
+        found = {"poses": poses, "us": cost(poses, given=True), "many": many}
+        found |= {"us_many": cost(many, given=True), "us_many_new_memory": cost(many, given=False)}
+    theirs = pinocchio_seconds(rover)
+    if theirs:
+        bare, called = theirs
+        found |= {"pinocchio_us": 1e6 * bare, "pinocchio_from_python_us": 1e6 * called, "ratio": 1e6 * bare / found["us"]}
+    return found
+
+
+def memory(poses: int = 250_000) -> dict[str, float]:
+    """MB that a million poses take, places given as the sides of a grid: what is kept, and most while settling."""
+    case = cases()[0]
+    side = np.linspace(-2, 2, round(poses**0.5))
+    settle(case.rover, case.terrain, side[:600], 0.0)
+    tracemalloc.start()
+    pose = settle(case.rover, case.terrain, side[:, None], side)
+    kept, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    return {"poses": pose.status.size, "kept_mb": kept / pose.status.size, "peak_mb": peak / pose.status.size}

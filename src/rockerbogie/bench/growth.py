@@ -1,0 +1,42 @@
+"""How cost grows: with poses in a call, with the map, with cells finer than the wheel."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .. import surfaces
+from .._kernels.jit import threads
+from ..formats import load_rover
+from ..settle import settle
+from .cases import Case, cases, places, rough_ground
+from .clock import best
+
+Row = dict[str, float]
+
+
+def growth(poses: int = 3000) -> dict[str, list[Row]]:
+    """µs a pose on one thread. `poses`: in one call on smooth ground. `nodes`: of maps of the same rough ground, thin discs.
+    `cells`: rocks of 40 cm and more on ever finer grids, Perseverance's whole tread."""
+    smooth, rough = cases()[:2]
+    percy = load_rover("perseverance")
+    with threads(1):
+        return {
+            "poses": [{"poses": count, "us": cost(smooth, count)} for count in (1, 10, 100, 1000, 10_000, 100_000)],
+            "nodes": [
+                {"nodes": side**2, "us": cost(Case("", rough.rover, rough_ground(side)), poses)} for side in (128, 512, 2048)
+            ],
+            "cells": [
+                {
+                    "radius_over_cell": float(percy.wheel_radius[0]) / cell,
+                    "us": cost(Case("", percy, surfaces.rocks(0.1, 1, size=20.0, spacing=cell, smallest=0.4)), poses),
+                }
+                for cell in (0.2, 0.1, 0.05, 0.025)
+            ],
+        }
+
+
+def cost(case: Case, poses: int) -> float:
+    """µs a pose of the best of some calls."""
+    x, y, yaw = places(case, poses)
+    settle(case.rover, case.terrain, x, y, yaw)
+    return 1e6 * best(lambda: settle(case.rover, case.terrain, x, y, yaw), int(np.clip(10_000 // poses, 2, 200))) / poses

@@ -1,0 +1,110 @@
+"""The figures as tables: headings and rows of text, for a terminal or for a page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Table:
+    """Headings, rows of as many texts, and a sentence on what is in them."""
+
+    caption: str
+    headings: list[str]
+    rows: list[list[str]]
+
+    def markdown(self) -> str:
+        """As a page wants it."""
+        lines = [self.headings, ["---", *["---:"] * (len(self.headings) - 1)], *self.rows]
+        return "\n".join([self.caption, "", *(f"| {' | '.join(line)} |" for line in lines)])
+
+
+def tables(figures: Mapping[str, Any], before: Mapping[str, float] | None = None) -> list[Table]:
+    """Every table of the figures; `before` has × rim of each case of another run."""
+    cases = figures["cases"]
+    count = cases[0]["threads"]
+    times: list[tuple[str, Callable[[Any], str]]] = [
+        ("settled", lambda c: f"{c['settled']:.1%}"),
+        ("µs", lambda c: _three(c["us"])),
+        ("p50", lambda c: _three(c["us_p50"])),
+        ("p99", lambda c: _three(c["us_p99"])),
+        ("path", lambda c: _three(c["us_along"])),
+        ("1000/s", lambda c: _three(c["poses_per_s"] / 1e3)),
+        (f"{count} thr", lambda c: _three(c["poses_per_s_all_threads"] / 1e3)),
+    ]
+    quality: list[tuple[str, Callable[[Any], str]]] = [
+        ("gap", lambda c: f"{c['worst_gap']:.0e}"),
+        ("≤1e-9", lambda c: f"{c['within_1e_9']:.4g}"),
+        ("hub", lambda c: _ratio(c, "hub")),
+        ("point", lambda c: _ratio(c, "point")),
+        ("rim", lambda c: _ratio(c, "rim")),
+        ("MuJoCo", lambda c: _ratio(c, "mujoco")),
+        (f"{count} thr", lambda c: f"{c['speedup']:.2f}"),
+    ]
+    if before:
+        quality.append(("before", lambda c: f"{before[c['name']]:,.0f}" if c["name"] in before else "-"))
+    return [
+        _of(cases, "µs a pose on one thread: mean, groups of 16, along a path; thousand poses/s", times),
+        _of(
+            cases,
+            "worst gap, m; share within 1e-9 m; a baseline's time over ours (*: mostly fails)",
+            quality,
+        ),
+        *_growth(figures["growth"]),
+        Table("and besides", ["what", "figure"], _besides(figures)),
+    ]
+
+
+def _three(value: float) -> str:
+    """To three digits."""
+    return f"{value:,.{max(0, 2 - math.floor(math.log10(value)))}f}" if value > 0 else f"{value:.2g}"
+
+
+def _ratio(case: Mapping[str, Any], baseline: str) -> str:
+    """With a mark where the baseline failed at most of its places."""
+    ratio, solved = case["ratios"][baseline], case["baseline_solved"][baseline]
+    if not solved:
+        return "fails"
+    return f"{ratio:,.0f}" + ("*" if solved < 0.5 else "")
+
+
+def _of(cases: list[Any], caption: str, columns: list[tuple[str, Callable[[Any], str]]]) -> Table:
+    rows = [[case["name"], *(text(case) for _, text in columns)] for case in cases]
+    return Table(caption, ["case", *(heading for heading, _ in columns)], rows)
+
+
+def _growth(growth: Mapping[str, Any]) -> list[Table]:
+    titles = {
+        "poses": ("poses", "poses in one call, smooth cubic ground"),
+        "nodes": ("nodes", "nodes of the map, rough ground, thin disc"),
+        "cells": ("radius_over_cell", "wheel radius over cell size, rocks, whole tread"),
+    }
+    made = []
+    for name, (key, caption) in titles.items():
+        heads = [
+            f"{row[key]:,.0f}" if row[key] >= 100 or row[key] == int(row[key]) else f"{row[key]:.1f}" for row in growth[name]
+        ]
+        made.append(Table(caption, ["", *heads], [["µs a pose", *(_three(row["us"]) for row in growth[name])]]))
+    return made
+
+
+def _besides(figures: Mapping[str, Any]) -> list[list[str]]:
+    calls, jacobians, memory = figures["calls"], figures["jacobians"], figures["memory"]
+    rows = [
+        ["one pose in one call from Python", f"{calls['single_us']:.1f} µs"],
+        ["from the shell to the first pose, kernels compiled before", f"{calls['first_settle_s']:.2f} s"],
+        ["memory of a million poses, at most while settling", f"{memory['kept_mb']:.0f} MB, {memory['peak_mb']:.0f} MB"],
+        [f"frames and Jacobians of six wheels, batches of {jacobians['poses']:,}", f"{jacobians['us']:.3f} µs a pose"],
+        [f"the same, {jacobians['many']:,} at once, into memory given", f"{jacobians['us_many']:.3f} µs a pose"],
+        ["the same, Jacobians alone, into new memory", f"{jacobians['us_many_new_memory']:.3f} µs a pose"],
+    ]
+    if "pinocchio_us" in jacobians:
+        bare, called = jacobians["pinocchio_us"], jacobians["pinocchio_from_python_us"]
+        rows += [
+            ["Pinocchio's, its calls' cost taken off", f"{bare:.2f} µs: × {jacobians['ratio']:.1f}"],
+            ["Pinocchio's, as called from Python", f"{called:.2f} µs: × {called / jacobians['us']:.0f}"],
+        ]
+    return rows
