@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import xarray as xr
 
-NAMES = ("pitch", "roll", "tilt", "rocker", "bogie", "clearance", "unsettled")
+import rockerbogie as rb
+from rockerbogie.maps.layers import LAYERS, dataset
+from rockerbogie.maps.limits import BITS, Limits
+
 ANGLES = ("tilt", "roll", "pitch", "rocker", "bogie_left", "bogie_right")
 
 
@@ -17,42 +18,29 @@ def drawn_map(rng: np.random.Generator, headings: int, rows: int, cols: int, blo
     tilt = rng.uniform(0, 0.5, shape)
     exceeded = np.where(rng.random(shape) < blocked, 1 << rng.integers(0, 7, shape), 0).astype(np.uint8)
     unknown = rng.random((rows, cols)) < 0.05
-    exceeded[:, unknown] = 1 << NAMES.index("unsettled")
+    exceeded[:, unknown] = BITS["unsettled"]
     return map_of(exceeded, tilt, unknown, rng)
 
 
 def map_of(exceeded: np.ndarray, tilt: np.ndarray, unknown: np.ndarray, rng: np.random.Generator) -> xr.Dataset:
     """A map of given limits exceeded and tilts (heading, y, x); everything else random."""
     headings, rows, cols = exceeded.shape
-    three, two = ("heading", "y", "x"), ("y", "x")
-    layers = {name: np.where(unknown, np.nan, rng.uniform(-0.3, 0.3, exceeded.shape)) for name in ANGLES}
-    layers["tilt"] = np.where(unknown, np.nan, tilt)
-    layers["clearance"] = np.where(unknown, np.nan, rng.uniform(-0.1, 0.7, exceeded.shape))
+    data = {name: np.where(unknown, np.nan, rng.uniform(-0.3, 0.3, exceeded.shape)) for name in ANGLES}
+    data["tilt"] = np.where(unknown, np.nan, tilt)
+    data["clearance"] = np.where(unknown, np.nan, rng.uniform(-0.1, 0.7, exceeded.shape))
+    data["status"] = np.where(unknown, rb.Status.NO_DATA, rb.Status.CONVERGED) * np.ones(exceeded.shape, dtype=np.uint8)
+    data["exceeded"] = exceeded
     free = exceeded == 0
     heading = 2 * np.pi * np.arange(headings) / headings
-    least = np.where(free, layers["tilt"], np.inf)
-    data = {name: (three, values, {"units": "m" if name == "clearance" else "rad"}) for name, values in layers.items()}
-    data["status"] = (three, np.where(unknown, 2, 0) * np.ones(exceeded.shape, dtype=np.uint8), {"units": "1"})
-    data["status"] = (three, data["status"][1].astype(np.uint8), {"units": "1"})
-    flags = {"flag_masks": (1 << np.arange(7)).astype(np.uint8), "flag_meanings": " ".join(NAMES)}
-    data["exceeded"] = (three, exceeded, flags)
-    data["passable"] = (two, np.where(unknown, np.nan, free.mean(axis=0)).astype(np.float32), {"units": "1"})
-    worst, best = np.where(unknown, np.nan, tilt.max(axis=0)), np.where(unknown, np.nan, tilt.min(axis=0))
-    data["worst_tilt"], data["best_tilt"] = (two, worst, {"units": "rad"}), (two, best, {"units": "rad"})
-    towards = np.where(free.any(axis=0) & ~unknown, heading[np.argmin(least, axis=0)], np.nan)
-    data["best_heading"] = (two, towards, {"units": "rad"})
-    data["worst_clearance"] = (two, layers["clearance"].min(axis=0), {"units": "m"})
-    data["worst_exceeded"] = (two, np.bitwise_or.reduce(exceeded, axis=0), flags)
-    for name, (_, _, attrs) in data.items():
-        attrs.setdefault("long_name", name.replace("_", " "))
-    x, y = 1000.25 + 0.5 * np.arange(cols), 2000.25 + 0.5 * np.arange(rows)
-    coords = {
-        "heading": ("heading", heading, {"units": "rad"}),
-        "y": ("y", y, {"units": "m"}),
-        "x": ("x", x, {"units": "m"}),
-    }
-    limits = json.dumps({"tilt": 0.5, "pitch": 0.3, "roll": 0.3, "rocker": None, "bogie": None, "clearance": 0.0})
-    attrs = {
+    data["passable"] = np.where(unknown, np.nan, free.mean(axis=0)).astype(np.float32)
+    data["worst_tilt"], data["best_tilt"] = (np.where(unknown, np.nan, least(tilt, axis=0)) for least in (np.max, np.min))
+    flattest = heading[np.argmin(np.where(free, data["tilt"], np.inf), axis=0)]
+    data["best_heading"] = np.where(free.any(axis=0) & ~unknown, flattest, np.nan)
+    data["worst_clearance"] = data["clearance"].min(axis=0)
+    data["worst_exceeded"] = np.bitwise_or.reduce(exceeded, axis=0)
+    data = {name: data[name].astype(layer.kind) for name, layer in LAYERS.items()}
+    limits = Limits(tilt=0.5, pitch=0.3, roll=0.3, clearance=0.0).to_json()
+    about = {
         "crs": "EPSG:32633",
         "rover": "curiosity",
         "terrain": "drawn",
@@ -60,4 +48,5 @@ def map_of(exceeded: np.ndarray, tilt: np.ndarray, unknown: np.ndarray, rng: np.
         "resolution": 0.5,
         "mode": "contact",
     }
-    return xr.Dataset(data, coords, attrs | {"rockerbogie_version": "0.1.0"})
+    x, y = 1000.25 + 0.5 * np.arange(cols), 2000.25 + 0.5 * np.arange(rows)
+    return dataset(data, heading, x, y, about | {"rockerbogie_version": rb.__version__})

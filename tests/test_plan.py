@@ -269,16 +269,13 @@ def test_summaries_alone_are_planned_on_with_care() -> None:
 
 @pytest.fixture(scope="module")
 def hills() -> tuple[rb.Rover, rb.Terrain, xr.Dataset]:
-    """A map that `settle` made: Curiosity on made-up hills, tilt the only limit."""
+    """Curiosity on made-up hills, tilt the only limit."""
     rover, ground = rb.load_rover("curiosity"), rb.surfaces.mars(seed=3, size=36.0)
-    heading = 2 * np.pi * np.arange(16) / 16
-    x = y = np.arange(-13.0, 13.5, 1.0)
-    pose = rb.settle(rover, ground, *np.broadcast_arrays(x[None, None], y[None, :, None], heading[:, None, None]))
-    tilt = np.where(pose.status == rb.Status.CONVERGED, pose.tilt, np.nan)
-    limit = float(np.nanquantile(tilt, 0.8))
-    exceeded = np.where(np.isnan(tilt) | (tilt > limit), 4, 0).astype(np.uint8)
-    maps = map_of(exceeded, np.nan_to_num(tilt), np.zeros(tilt.shape[1:], bool), np.random.default_rng(0))
-    return rover, ground, maps.assign_coords(x=x, y=y)
+    layers = ("tilt", "exceeded", "passable")
+    limits = rb.Limits(tilt=np.radians(10))
+    maps = rb.traversability(rover, ground, 16, 1.0, limits, bounds=(-13.2, -13.2, 13.2, 13.2), layers=layers)
+    assert 0.5 < float(maps["passable"].mean()) < 0.95, "something to drive around"
+    return rover, ground, maps
 
 
 def test_drive_along_a_plan_meets_the_map_s_own_tilts(hills: tuple[rb.Rover, rb.Terrain, xr.Dataset], tmp_path: Path) -> None:
@@ -346,7 +343,7 @@ def test_a_way_over_real_ground(data: Callable[[str], Path]) -> None:
     maps = map_of(
         np.where(steep, 4, 0) * np.ones(shape, np.uint8), slope * np.ones(shape), np.isnan(slope), np.random.default_rng(0)
     )
-    maps = maps.assign_coords(x=terrain.x, y=terrain.y)
+    maps = maps.assign_coords(x=terrain.x, y=terrain.y).assign_attrs(resolution=1.0)
     free = np.argwhere(~steep)
     plan = rb.plan(maps, place(maps, *map(int, free[0])), place(maps, *map(int, free[-1])))
     assert np.nanmax(plan.tilt) <= np.radians(14)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RockerbogieError
+from .layers import LAYERS
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -22,6 +23,8 @@ ENDINGS = (".tif", ".tiff", ".zarr", ".nc")
 #: Side of a GeoTIFF's tile, and rows and columns of the pieces a map is gone through in, cells.
 TILE = 256
 PIECE = (1024, 2048)
+#: Shape of the blocks that Zarr and NetCDF are stored in.
+BLOCK = {"heading": 16, "y": 256, "x": 256}
 CACHE = 256 << 20  # bytes that GDAL may keep
 #: Units of a layer -> what its values are multiplied by in a GeoTIFF, and how its band's name ends.
 BANDS = {"rad": (180 / np.pi, "_deg"), "m": (1.0, "_m"), "1": (1.0, "")}
@@ -61,6 +64,7 @@ def write_map(maps: xr.Dataset, file: str | Path, *, per_heading: bool = False, 
     kind = path.suffix.lower()
     check_ending(path)
     tell = progress or (lambda share: None)
+    maps = _ordered(maps)
     if path.is_dir() and not _is_zarr(path):
         raise RockerbogieError(f"{str(file)!r} is a folder and no map: give another name")
     partial = path.with_name(f".{path.stem}.{uuid.uuid4().hex[:8]}{kind}")
@@ -70,7 +74,7 @@ def write_map(maps: xr.Dataset, file: str | Path, *, per_heading: bool = False, 
         elif kind == ".zarr":
             _write_zarr(maps, partial)
         else:
-            _write_netcdf(maps, partial)
+            _write_netcdf(maps, partial, tell)
         if path.is_dir():
             shutil.rmtree(path)
         os.replace(partial, path)
@@ -122,18 +126,25 @@ def read_map(file: str | Path) -> xr.Dataset:
 def bands(maps: xr.Dataset, per_heading: bool) -> list[Band]:
     """The bands of a map's GeoTIFF: summaries, `passable` first; then, with `per_heading`, heading by heading."""
     found = []
-    for name, variable in maps.data_vars.items():
+    for name, variable in _ordered(maps).data_vars.items():
         if set(variable.dims) == {"y", "x"}:
             scale, ending = BANDS.get(variable.attrs.get("units", "1"), BANDS["1"])
             found.append(Band(RENAMED.get(str(name), f"{name}{ending}"), str(name), None, scale))
     found.sort(key=lambda band: band.variable != FIRST)
     if per_heading:
         for k, heading in enumerate(np.degrees(maps["heading"].values)):
-            for name, variable in maps.data_vars.items():
+            for name, variable in _ordered(maps).data_vars.items():
                 if "heading" in variable.dims:
                     scale, ending = BANDS.get(variable.attrs.get("units", "1"), BANDS["1"])
                     found.append(Band(f"{name}{ending}_h{heading:05.1f}", str(name), k, scale))
     return found
+
+
+def _ordered(maps: xr.Dataset) -> xr.Dataset:
+    """The map with its layers in their own order, whatever order a store gave them in."""
+    place = {name: k for k, name in enumerate(LAYERS)}
+    names = sorted(maps.data_vars, key=lambda name: (place.get(str(name), len(place)), str(name)))
+    return maps.drop_vars(names).assign({name: maps[name] for name in names})
 
 
 def _write_geotiff(maps: xr.Dataset, path: Path, per_heading: bool, tell: Progress) -> None:
@@ -203,18 +214,16 @@ def pieces(maps: xr.Dataset) -> Iterator[tuple[slice, slice]]:
 
 def cell_size(maps: xr.Dataset) -> tuple[float, float]:
     """dx and dy of a map's cells, m."""
-    x, y = maps["x"].values, maps["y"].values
-    said = np.broadcast_to(np.asarray(maps.attrs["resolution"], dtype=float), (2,))
-    dx, dy = (float((c[-1] - c[0]) / (len(c) - 1)) if len(c) > 1 else float(s) for c, s in zip((x, y), said, strict=True))
-    return dx, dy
+    dx, dy = np.broadcast_to(np.asarray(maps.attrs["resolution"], dtype=float), (2,))
+    return float(dx), float(dy)
 
 
 def transform(maps: xr.Dataset) -> Any:
     """The affine transform of a map's raster, north up: a cell's centre is a pixel's."""
-    from rasterio.transform import from_origin
+    from rasterio import Affine
 
     dx, dy = cell_size(maps)
-    return from_origin(float(maps["x"][0]) - dx / 2, float(maps["y"][-1]) + dy / 2, dx, dy)
+    return Affine(dx, 0.0, float(maps["x"][0]) - dx / 2, 0.0, -dy, float(maps["y"][-1]) + dy / 2)
 
 
 def _read_geotiff(path: Path) -> xr.Dataset:
@@ -255,21 +264,38 @@ def _write_zarr(maps: xr.Dataset, path: Path) -> None:
         import zarr  # noqa: F401
     except ImportError:
         raise RockerbogieError("writing .zarr needs zarr: pip install 'rockerbogie[scale]'") from None
+    sizes = _blocks(maps)
+    maps = maps.chunk({dim: min(side, maps.sizes[dim]) for dim, side in BLOCK.items()}) if maps.chunks else maps.copy()
     for variable in maps.variables.values():
-        variable.encoding.pop("chunks", None)  # those of the file it was read from need not fit
-    maps.to_zarr(path, mode="w", consolidated=False, zarr_format=3)
+        variable.encoding = {}  # that of a file it was read from
+    maps.to_zarr(path, mode="w", consolidated=False, zarr_format=3, encoding={n: {"chunks": s} for n, s in sizes.items()})
 
 
-def _write_netcdf(maps: xr.Dataset, path: Path) -> None:
-    side = {"heading": 16, "y": TILE, "x": TILE}
-    stored = {
-        name: {
-            "zlib": True, "complevel": 4, "shuffle": True,
-            "chunksizes": tuple(min(side[str(dim)], maps.sizes[dim]) for dim in variable.dims),
-        }
-        for name, variable in maps.data_vars.items()
-    }  # fmt: skip
-    maps.to_netcdf(path, engine="h5netcdf", encoding=stored)
+def _write_netcdf(maps: xr.Dataset, path: Path, tell: Progress) -> None:
+    """Blocks lie in the file as they come: written one by one in order, so that the same map gives the same bytes."""
+    import h5netcdf
+
+    maps.drop_vars(maps.data_vars).to_netcdf(path, engine="h5netcdf")
+    with h5netcdf.File(path, "a") as file:
+        for name, shape in _blocks(maps).items():
+            layer = maps[name]
+            blank = np.nan if layer.dtype.kind == "f" else None
+            stored = file.create_variable(
+                name, layer.dims, layer.dtype, chunks=shape, compression="gzip", compression_opts=4, shuffle=True, fillvalue=blank
+            )
+            stored.attrs.update(layer.attrs)
+        windows = list(pieces(maps))
+        for n, (rows, cols) in enumerate(windows):
+            piece = maps.isel(y=rows, x=cols)
+            for name, layer in piece.data_vars.items():
+                file.variables[name][..., rows, cols] = layer.transpose(..., "y", "x").values
+            tell((n + 1) / len(windows))
+
+
+def _blocks(maps: xr.Dataset) -> dict[Any, tuple[int, ...]]:
+    """Shapes of the blocks that layers are stored in."""
+    side = {dim: min(BLOCK[str(dim)], size) for dim, size in maps.sizes.items()}
+    return {name: tuple(side[dim] for dim in variable.dims) for name, variable in maps.data_vars.items()}
 
 
 def _is_zarr(path: Path) -> bool:
