@@ -89,3 +89,14 @@ def test_the_right_side_is_not_the_left(change, says):
     assert rb.Rover.from_pivots(**good).hubs[0, 1] == 0.3
     with pytest.raises(rb.RoverError, match=says):
         rb.Rover.from_pivots(**(good | change))
+
+
+def test_a_simulation_that_goes_nowhere_is_no_success(capsys):
+    from rockerbogie.cli import main
+
+    call = ["simulate", "--rover", "rocky7", "--terrain", "surface:plane", "--path", "0,0 0.6,0", "--speed", "0.2"]
+    assert main([*call, "--friction", "0"]) == 1
+    said = capsys.readouterr().err
+    assert "short of the path's end, 0.60 m away: on friction 0 its wheels slip" in said
+    assert main(call) == 0
+    assert capsys.readouterr().err == ""

@@ -139,6 +139,13 @@ def test_a_drive_shorter_than_its_interval() -> None:
     assert run.sizes["time"] == 2
 
 
+def test_a_rover_that_does_not_get_there_says_so() -> None:
+    rover, way = rb.load_rover("rocky7"), rb.Path.straight((0, 0), 0.0, 0.5)
+    assert rb.simulate(rover, FLAT, way, 0.1).attrs["short_of_end"] < 0.02, "within a step of the follower"
+    stuck = rb.simulate(rover, FLAT, way, 0.1, friction=0.0)
+    assert stuck.attrs["short_of_end"] == pytest.approx(0.5, abs=0.02), "wheels without friction spin on the spot"
+
+
 def test_progress_is_told() -> None:
     heard: list[float] = []
     rb.simulate(rb.load_rover("rocky7"), FLAT, rb.Path.straight((0, 0), 0.0, 0.05), 0.05, progress=heard.append)

@@ -95,7 +95,8 @@ def simulate(
         Dataset over `time` as from `drive` (docs/design.md), but measured: `distance` is what the body travelled over the map,
         `contact_point` and `contact_angle` are those of MuJoCo's greatest contact force on each wheel (nan in the air), `gap` and
         `clearance` those of the measured pose over the terrain itself, the rates MuJoCo's own. Besides: `vx` … `wz`, the body's
-        twist in its own frame, and the rest of `EXTRA`. It ends early if the rover tips over or strays off the ground.
+        twist in its own frame, and the rest of `EXTRA`. It ends early if the rover tips over or strays off the ground;
+        `attrs["short_of_end"]` is how far from the path's end it stands then, m: on too little friction it does not get there.
 
     Raises:
         PathError: the rover cannot stand at the path's start, or the path leaves known ground; a speed that is not above 0.
@@ -143,9 +144,10 @@ def simulate(
         "rates": "measured in the simulation; contact_angle_rate by central differences",
         "friction": float(friction),
     }
-    if commands is None:
-        attrs["speed"] = float(speed)
     run = _measured(rover, terrain, records, attrs)
+    if commands is None:
+        end = path.sample(path.length)
+        run.attrs |= {"speed": float(speed), "short_of_end": float(np.hypot(run["x"][-1] - end.x, run["y"][-1] - end.y))}
     return run if commands is None else run.assign(_predicted(rover, run))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -39,6 +40,9 @@ from .common import (
 
 if TYPE_CHECKING:
     import xarray as xr
+
+#: Exit code where a simulated rover ends further from the path's end than this share of its length: an answer, not a wrong call.
+EXIT_NOT_THERE, SHORT = 1, 0.05
 
 Waypoints = Annotated[str | None, Parameter(name=["--path", "-p"], allow_leading_hyphen=True)]
 
@@ -115,12 +119,12 @@ def simulate(
     linear: Linear = None,
     output: Folder = None,
     json: Json = False,
-) -> None:
+) -> int:
     """The same drive in MuJoCo's rigid-body dynamics, compared with ours.
 
     Six driven wheels, gravity and friction on the same ground. Prints how far the kinematic model is from it at equal place
     and heading. With -o it writes attitude.png and joints.png (both side by side), map.png, profile.png, worst.png,
-    simulation.nc and simulation.csv.
+    simulation.nc and simulation.csv. Exits 1 where the rover does not come to the path's end.
 
     Parameters
     ----------
@@ -163,12 +167,21 @@ def simulate(
         for name, figure in (("attitude.png", "figure7"), ("joints.png", "figure8")):
             angles_figure(*drawn[figure], run, sim, beside, {}).savefig(output / name)
             files.append(output / name)
-    summary = _summary(sim)
+    short = float(sim.attrs["short_of_end"])
+    summary = _summary(sim) | {"short_of_end": short}
     if json:
         print_json(summary | {"difference": comparison.to_dict(), "files": files})
     else:
         _print_summary(machine, summary)
         print(comparison, *files, sep="\n")
+    if short <= SHORT * way.length:
+        return 0
+    print(
+        f"rockerbogie: the rover ends {short:.2f} m short of the path's end, {way.length:.2f} m away: on friction {friction:g} "
+        "its wheels slip, it tips over or something holds it; try more friction or another way",
+        file=sys.stderr,
+    )
+    return EXIT_NOT_THERE
 
 
 def _path(text: str | None, radius: float, rover: Rover, terrain: Terrain) -> Path:
