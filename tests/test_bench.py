@@ -123,3 +123,23 @@ def test_a_missing_file_to_compare_with_is_refused(tmp_path, capsys) -> None:
 def test_too_few_poses_are_refused(capsys) -> None:
     assert main(["bench", "--poses", "3"]) == 2
     assert "--poses is 3" in capsys.readouterr().err
+
+
+def test_tables_go_into_a_page_between_its_marks(figures: dict, tmp_path, capsys, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bench, "figures", lambda *_: iter([("all", 1, figures)]))
+    page = tmp_path / "page.md"
+    page.write_text("before\n<!-- bench -->\nold\n<!-- end of bench -->\nafter\n")
+    kept = tmp_path / "kept.json"
+    assert main(["bench", "--markdown", str(page), "--save", str(kept)]) == 0
+    text = page.read_text()
+    assert text.startswith("before\n<!-- bench -->\n")
+    assert text.endswith("<!-- end of bench -->\nafter\n")
+    assert "| smooth cubic, thin disc |" in text
+    assert "old" not in text
+    assert main(["bench", "--markdown", str(page), "--compare", str(kept)]) == 0
+    assert "before" in capsys.readouterr().out
+    assert page.read_text().count("| smooth cubic, thin disc |") == 2, "one run's tables: times and ratios"
+    page.write_text("no marks")
+    assert main(["bench", "--markdown", str(page)]) == 2
+    assert "end of bench" in capsys.readouterr().err
+    assert main(["bench", "--markdown", str(tmp_path / "none.md")]) == 2

@@ -15,6 +15,9 @@ from ..bench.tables import tables
 from ..errors import RockerbogieError
 from .common import Json, print_json, progress
 
+#: Between these lines of a page go the tables.
+MARK, END = "<!-- bench -->", "<!-- end of bench -->"
+
 
 def bench(
     *,
@@ -25,7 +28,7 @@ def bench(
     save: Path | None = None,
     compare: Path | None = None,
     json: Json = False,
-    markdown: bool = False,
+    markdown: Path | None = None,
 ) -> None:
     """Time settling beside fsolve and MuJoCo, Jacobians beside Pinocchio, in one run, and say how many times faster they are.
 
@@ -46,13 +49,14 @@ def bench(
     json
         Print the figures as JSON instead of tables.
     markdown
-        Print the tables as Markdown.
+        Also write the tables into this Markdown page, between its lines `<!-- bench -->` and `<!-- end of bench -->`.
     """
     if poses < stopwatch.GROUP or baseline_poses < 1 or drops < 1:
         raise RockerbogieError(
             f"--poses is {poses}, --baseline-poses {baseline_poses} and --drops {drops}; give at least {stopwatch.GROUP}, 1 and 1"
         )
     before = _saved(compare) if compare else {}
+    page = _page(markdown) if markdown else None
     figures: dict[str, Any] = {}
     with progress() as bar:
         task = bar.add_task("timing (the first run compiles)", total=None)
@@ -61,14 +65,14 @@ def bench(
             bar.update(task, total=count, advance=1, description=name)
     if save:
         save.write_text(json_text.dumps(figures, indent=1) + "\n")
+    every = tables(figures, before)
+    if markdown and page:
+        markdown.write_text("\n\n".join([page[0], _machine(figures["machine"]), *(made.markdown() for made in every), page[1]]))
     if json:
         print_json(figures)
         return
     console = Console()
-    for made in tables(figures, before):
-        if markdown:
-            print(made.markdown() + "\n")
-            continue
+    for made in every:
         console.print(made.caption)
         table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
         table.add_column(made.headings[0], no_wrap=True)
@@ -87,3 +91,21 @@ def _saved(path: Path) -> dict[str, float]:
         raise RockerbogieError(f"no file {path}: save one with `rockerbogie bench --save {path}`") from None
     except (ValueError, KeyError, TypeError):
         raise RockerbogieError(f"{path} was not written by `rockerbogie bench --save`") from None
+
+
+def _page(path: Path) -> tuple[str, str]:
+    """A page's text down to its mark, and from the end mark on."""
+    try:
+        head, _, rest = path.read_text().partition(MARK)
+    except FileNotFoundError:
+        raise RockerbogieError(f"no page {path} to write tables into") from None
+    if END not in rest:
+        raise RockerbogieError(f"{path} has no lines {MARK} and {END} to write tables between")
+    return head + MARK, END + rest.partition(END)[2]
+
+
+def _machine(machine: dict[str, Any]) -> str:
+    return (
+        f"rockerbogie {machine['version']} on {machine['machine']} with {machine['cores']} cores; Python {machine['python']}, "
+        f"numba {machine['numba']}, numpy {machine['numpy']}."
+    )
