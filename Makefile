@@ -19,7 +19,7 @@ check: .venv/dev.stamp  ## lint, format, strict types, layers
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
 
-bench: .venv/run.stamp  ## speed, as ratios to the baselines timed in the same run
+bench: .venv/dev.stamp  ## speed, as ratios to the baselines timed in the same run (docs/bench.md)
 	$(BIN)/rockerbogie bench
 
 docs: .venv/docs.stamp  ## the documentation, into docs/_build/html
