@@ -31,7 +31,7 @@ def joint_angles(rover: Rover, rocker: ArrayLike, bogie: ArrayLike, steering: Ar
     if b.shape[-1:] != (2,):
         raise RockerbogieError(f"bogie has shape {b.shape}; its last axis must be 2 (left, right)")
     s = check_steering(rover, steering)
-    shape = np.broadcast_shapes(q.shape, b.shape[:-1], s.shape[:-1])
+    shape = np.broadcast(q, b[..., 0], s[..., 0]).shape
     return spanned(q, shape), spanned(b, (*shape, 2)), spanned(s, (*shape, 6))
 
 

@@ -79,7 +79,7 @@ def stance_angles(rover: Rover, pose: Stance, steering: ArrayLike | None) -> tup
     delta = np.asarray(pose.contact_angle, dtype=float)
     if delta.shape[-1:] != (6,):
         raise RockerbogieError(f"contact_angle has shape {delta.shape}; its last axis must be 6, one angle a wheel")
-    shape = np.broadcast_shapes(q.shape, delta.shape[:-1])
+    shape = np.broadcast(q, delta[..., 0]).shape
     return spanned(q, shape), spanned(b, (*shape, 2)), spanned(s, (*shape, 6)), spanned(delta, (*shape, 6))
 
 
