@@ -124,9 +124,11 @@ def test_mapping_files_and_flags(rover, ground, pose, tmp_path, capsys):
         assert answer["channels"]["pitch"]["rms"] < 1e-9
         assert answer["channels"]["roll"]["rms"] < 1e-9
         assert len(answer["per_place"]) == len(X)
-    assert main([*call, "--mapping", str(map_), "--column", "pitch=-pitch_deg"]) == 0
-    answer = json.loads(capsys.readouterr().out)
-    assert answer["channels"]["pitch"]["rms"] > np.radians(1)
+    for told in (["--mapping", str(map_)], ["--origin", "1000,-500"]):  # a flag overrules a file, and what is known of a log
+        assert main([*call, *told, "--column", "pitch=-pitch_deg"]) == 0
+        answer = json.loads(capsys.readouterr().out)
+        assert answer["channels"]["pitch"]["rms"] > np.radians(1)
+        assert answer["channels"]["roll"]["rms"] < 1e-9
 
 
 @pytest.mark.parametrize(
@@ -157,6 +159,7 @@ def test_bad_mappings_are_told(rover, ground, pose, tmp_path, capsys):
         ({"columns": good, "units": {"yaw": "furlong"}}, "unit 'furlong' of yaw is not known"),
         ({"columns": good, "origin": (0.0, np.nan)}, "origin is"),
         ({"columns": {"quaternion": "q"}}, "give four columns"),
+        ({"columns": good | {"quaternion": tuple("abcd")}}, "both quaternion and roll are mapped"),
     ):
         with pytest.raises(rb.RockerbogieError, match=says):
             errors(rover, ground, file, mapping=rb.LogMap(**mapping))
@@ -166,7 +169,6 @@ def test_bad_mappings_are_told(rover, ground, pose, tmp_path, capsys):
         (["--mapping", str(tmp_path / "map.toml")], "no key named 'colums'; did you mean 'columns'?"),
         (["--mapping", str(tmp_path / "none.toml")], "cannot be read"),
         (["--column", "pitch"], "is no pair"),
-        (["--frame", "ned"], "belong to columns that are named"),
         (["--level", "80"], "give the share a band holds, between 0 and 1"),
         (["--draws", "3"], "give 20 or more, or 0 for no band"),
     ):
@@ -174,6 +176,9 @@ def test_bad_mappings_are_told(rover, ground, pose, tmp_path, capsys):
         said = capsys.readouterr().err
         assert says in said
         assert said.count("\n") == 1
+    strange = write(tmp_path / "strange.csv", {"east": [0.0], "north": [0.0]})
+    assert main([*call[:-1], str(strange), "--frame", "ned"]) == 2
+    assert "belong to columns that are named" in capsys.readouterr().err
     for log, says in (
         (xr.Dataset({"x": ("row", [0.0])}), "the log has no y"),
         (pose.to_xarray().assign(roll=("pose", np.full(len(X), np.nan))), "roll in the log is not finite in row 1"),
@@ -304,7 +309,7 @@ def test_curiosity_over_its_waypoints(rover, data):
 def test_perseverance_along_its_drive(data):
     ground = rb.Terrain.from_raster(data("perseverance/site78.tif"), interpolation="linear")
     rover = rb.load_rover("perseverance")
-    found = rb.validate(rover, ground, data("perseverance/sol01590_first60.csv"))
+    found = rb.validate(rover, ground, data("perseverance/sol01590_first60.csv"), draws=200)
     assert found.sizes["row"] == 3127
     rms = np.degrees(found["rms"])
     assert float(rms.sel(channel="pitch")) <= 1.15

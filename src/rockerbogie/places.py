@@ -57,6 +57,9 @@ class LogMap:
                 raise RockerbogieError(f"quaternion is {column!r}: give four columns, x, y, z and the scalar last")
             if role != "quaternion" and not isinstance(column, str):
                 raise RockerbogieError(f"{role} is {column!r}: give one column's name")
+        twice = [role for role in ATTITUDE if role in self.columns]
+        if "quaternion" in self.columns and twice:
+            raise RockerbogieError(f"both quaternion and {twice[0]} are mapped, and would tell the attitude twice: leave one out")
         if self.frame not in FRAMES:
             raise RockerbogieError(f"frame {self.frame!r} is not known; give 'enu' or 'ned'")
         for role, unit in self.units.items():
@@ -89,7 +92,7 @@ class LogMap:
 
     @property
     def wanted(self) -> list[str]:
-        """Every column it reads, signs left off only where that names one."""
+        """Every column it reads."""
         return [name for column in self.columns.values() for name in ([column] if isinstance(column, str) else column)]
 
 
@@ -112,6 +115,11 @@ KNOWN_LOGS = (
 )  # fmt: skip
 
 
+def known_log(file: str | Path) -> LogMap | None:
+    """The mapping of a log known by its columns; nothing for any other. Errors as for `read_places`."""
+    return _Table.read(Path(file)).kind()
+
+
 def read_places(file: str | Path, rover: Rover, mapping: LogMap | None = None) -> xr.Dataset:
     """Where a rover stood and how it lay, from a CSV with a line of heads, turned to our axes.
 
@@ -128,7 +136,7 @@ def read_places(file: str | Path, rover: Rover, mapping: LogMap | None = None) -
     import xarray as xr
 
     table = _Table.read(Path(file))
-    known = mapping or next((known for known in KNOWN_LOGS if all(table.has(name) for name in known.wanted)), None)
+    known = mapping or table.kind()
     if known is None:
         raise RockerbogieError(
             f"{table.file} is no log known by its columns ({', '.join(table.heads)}): say which hold x, y, roll, pitch and yaw"
@@ -182,6 +190,9 @@ class _Table:
         matches = [HEAD.match(head) for head in rows[0]]
         heads = [m[1] if m else "" for m in matches]
         return cls(path.name, heads, [(m[2] or "") if m else "" for m in matches], rows[1:])
+
+    def kind(self) -> LogMap | None:
+        return next((known for known in KNOWN_LOGS if all(self.has(name) for name in known.wanted)), None)
 
     def has(self, name: str) -> bool:
         return self._find(name) is not None

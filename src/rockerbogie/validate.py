@@ -173,7 +173,8 @@ def _compared(places: xr.Dataset, predicted: Array, logged: Array, status: NDArr
         "status": ("row", status, {"units": "1", "long_name": "status code, see rockerbogie.Status"}),
     }
     found = places[["place", "x", "y", "yaw"]].assign_coords(channel=list(CHANNELS)).assign(data)
-    found.attrs = {**places.attrs, "rows": len(error), "settled": int(known.sum())}
+    told = {name: places.attrs[name] for name in ("log", "mapping", "place_is") if name in places.attrs}
+    found.attrs = {**told, "rows": len(error), "settled": int(known.sum())}
     return found
 
 

@@ -15,7 +15,7 @@ from rich.table import Table
 
 from ..errors import RockerbogieError
 from ..formats import load_rover
-from ..places import LogMap, read_places
+from ..places import LogMap, known_log, read_places
 from ..status import Status
 from ..validate import validate as compare_with_log
 from .common import (
@@ -76,8 +76,8 @@ def validate(
     mapping
         A TOML file that says what the log's columns are: frame, origin, [columns], [units].
     column
-        One of them: --column pitch=-nose_up_deg; may be repeated. A minus turns the sign; the unit is read from the head's
-        [deg] or its ending. Known: place, x, y, roll, pitch, yaw, steering_LF and so on.
+        One of them: --column pitch=-nose_up_deg; may be repeated, and overrules. A minus turns the sign; the unit is read from
+        the head's [deg] or its ending. Known: place, x, y, roll, pitch, yaw, steering_LF and so on.
     frame
         Axes of the log's attitude. enu: x forward, y left, z up over east, north, up, nose down positive. ned: x forward, y
         right, z down over north, east, down: nose up positive, yaw clockwise from north.
@@ -103,7 +103,7 @@ def validate(
     """
     machine = load_rover(rover)
     ground = load_terrain(terrain, True if linear is None and not terrain.startswith(SURFACE) else linear)
-    places = read_places(log, machine, _mapping(mapping, column or [], frame, origin))
+    places = read_places(log, machine, _mapping(log, mapping, column or [], frame, origin))
     with progress() as bar:
         task = bar.add_task("settling on drawn grounds" if draws else "settling", total=1.0)
         found = compare_with_log(
@@ -119,11 +119,13 @@ def validate(
         print(file)
 
 
-def _mapping(file: FilePath | None, pairs: list[str], frame: Literal["enu", "ned"] | None, origin: str | None) -> LogMap | None:
-    """The file's mapping with what the flags say over it; nothing where neither says anything."""
+def _mapping(
+    log: FilePath, file: FilePath | None, pairs: list[str], frame: Literal["enu", "ned"] | None, origin: str | None
+) -> LogMap | None:
+    """The file's mapping, or that of a known log, with what the flags say over it; nothing where neither says anything."""
     if file is None and not pairs and frame is None and origin is None:
         return None
-    told = LogMap({}, name="--column") if file is None else LogMap.from_toml(file)
+    told = LogMap.from_toml(file) if file is not None else known_log(log) or LogMap({}, name="--column")
     columns = dict(told.columns)
     for pair in pairs:
         role, equals, theirs = pair.partition("=")
