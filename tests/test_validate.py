@@ -309,7 +309,7 @@ def test_curiosity_over_its_waypoints(rover, data):
 def test_perseverance_along_its_drive(data):
     ground = rb.Terrain.from_raster(data("perseverance/site78.tif"), interpolation="linear")
     rover = rb.load_rover("perseverance")
-    found = rb.validate(rover, ground, data("perseverance/sol01590_first60.csv"), draws=200)
+    found = rb.validate(rover, ground, data("perseverance/sol01590_first60.csv"))
     assert found.sizes["row"] == 3127
     rms = np.degrees(found["rms"])
     assert float(rms.sel(channel="pitch")) <= 1.15
