@@ -28,11 +28,11 @@ class Case:
 def cases(raster: Path | None = None) -> list[Case]:
     """The named cases: smooth cubic ground, rough linear ground under thin discs, rocks under whole treads, Mars as maps
     are made of it, and a raster file's ground if one is given."""
-    paper, rocky, percy, curiosity = (load_rover(n) for n in ("elhami-dashti", "rocky7", "perseverance", "curiosity"))
+    percy, curiosity = load_rover("perseverance"), load_rover("curiosity")
     mars = surfaces.mars(1, size=200.0, spacing=1.0, k=0.0, smallest_crater=10.0, interpolation="cubic")
     every = [
-        Case("smooth cubic, thin disc", paper, smooth_ground()),
-        Case("rough 5 cm, thin disc", rocky.replace(wheel_width=np.zeros(6)), rough_ground(400)),
+        smooth_case(),
+        rough_case(400),
         Case("rocks 10 cm, whole tread", percy, rocky_ground(0.1)),
         Case("rocks 5 cm, whole tread", percy, rocky_ground(0.05)),
         Case("Mars 1 m cubic, whole tread", curiosity, mars),
@@ -43,15 +43,17 @@ def cases(raster: Path | None = None) -> list[Case]:
     return every
 
 
-def smooth_ground() -> Terrain:
-    """Cubic, slopes of 15 deg at most and no radius below 0.5 m."""
-    return surfaces.rough(1, max_slope=np.radians(15), min_radius=0.5, size=12.0)
+def smooth_case() -> Case:
+    """The paper's rover on cubic ground with slopes of 15 deg at most and no radius below 0.5 m."""
+    ground = surfaces.rough(1, max_slope=np.radians(15), min_radius=0.5, size=12.0)
+    return Case("smooth cubic, thin disc", load_rover("elhami-dashti"), ground)
 
 
-def rough_ground(nodes: int) -> Terrain:
-    """Linear, every node a centimetre off by chance, 5 cm apart."""
+def rough_case(nodes: int) -> Case:
+    """Rocky 7 without width on linear ground, every node a centimetre off by chance, 5 cm apart."""
     noise = np.random.default_rng(0).normal(size=(nodes, nodes)) * 0.01
-    return Terrain.from_array(noise, 0.05, interpolation="linear", name="1 cm noise")
+    ground = Terrain.from_array(noise, 0.05, interpolation="linear", name="1 cm noise")
+    return Case("rough 5 cm, thin disc", load_rover("rocky7").replace(wheel_width=np.zeros(6)), ground)
 
 
 def rocky_ground(spacing: float) -> Terrain:

@@ -14,7 +14,7 @@ from ..formats import load_rover
 from ..jacobian import SimpleStance, wheel_jacobians
 from ..settle import settle
 from .baselines import pinocchio_seconds
-from .cases import cases, places
+from .cases import places, smooth_case
 from .clock import best, each
 
 FIRST_SETTLE = "import rockerbogie as rb; print(rb.settle(rb.load_rover('curiosity'), rb.surfaces.plane(), 0.0, 0.0).status)"
@@ -22,7 +22,7 @@ FIRST_SETTLE = "import rockerbogie as rb; print(rb.settle(rb.load_rover('curiosi
 
 def calls() -> dict[str, float]:
     """One settle of one pose from Python and the same of none, µs; from a shell to the first pose with kernels compiled, s."""
-    case = cases()[0]
+    case = smooth_case()
     x, y, yaw = (float(a[0]) for a in places(case, 1))
     none = np.empty(0)
     python = [sys.executable, "-c", FIRST_SETTLE]
@@ -60,7 +60,7 @@ def jacobians(poses: int = 2000, many: int = 100_000) -> dict[str, float]:
 
 def memory(poses: int = 250_000) -> dict[str, float]:
     """MB that a million poses take, places given as the sides of a grid: what is kept, and most while settling."""
-    case = cases()[0]
+    case = smooth_case()
     side = np.linspace(-2, 2, round(poses**0.5))
     settle(case.rover, case.terrain, side[:600], 0.0)
     tracemalloc.start()

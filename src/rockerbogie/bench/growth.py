@@ -8,7 +8,7 @@ from .. import surfaces
 from .._kernels.jit import threads
 from ..formats import load_rover
 from ..settle import settle
-from .cases import Case, cases, places, rough_ground
+from .cases import Case, places, rough_case, smooth_case
 from .clock import best
 
 Row = dict[str, float]
@@ -17,14 +17,11 @@ Row = dict[str, float]
 def growth(poses: int = 3000) -> dict[str, list[Row]]:
     """µs a pose on one thread. `poses`: in one call on smooth ground. `nodes`: of maps of the same rough ground, thin discs.
     `cells`: rocks of 40 cm and more on ever finer grids, Perseverance's whole tread."""
-    smooth, rough = cases()[:2]
-    percy = load_rover("perseverance")
+    smooth, percy = smooth_case(), load_rover("perseverance")
     with threads(1):
         return {
             "poses": [{"poses": count, "us": cost(smooth, count)} for count in (1, 10, 100, 1000, 10_000, 100_000)],
-            "nodes": [
-                {"nodes": side**2, "us": cost(Case("", rough.rover, rough_ground(side)), poses)} for side in (128, 512, 2048)
-            ],
+            "nodes": [{"nodes": side**2, "us": cost(rough_case(side), poses)} for side in (128, 512, 2048)],
             "cells": [
                 {
                     "radius_over_cell": float(percy.wheel_radius[0]) / cell,
