@@ -32,9 +32,25 @@ class Tile(NamedTuple):
         return slice(*self.rows), slice(*self.cols)
 
     @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.rows[1] - self.rows[0], self.cols[1] - self.cols[0]
+
+    @property
     def size(self) -> int:
         """Cells in it."""
-        return (self.rows[1] - self.rows[0]) * (self.cols[1] - self.cols[0])
+        return math.prod(self.shape)
+
+    def halves(self) -> tuple[Tile, ...]:
+        """Itself cut in two across its longer side; or itself, if it is one cell."""
+        (r0, r1), (c0, c1) = self
+        if self.size == 1:
+            return (self,)
+        if r1 - r0 >= c1 - c0:
+            middle = (r0 + r1) // 2
+            return Tile((r0, middle), (c0, c1)), Tile((middle, r1), (c0, c1))
+        middle = (c0 + c1) // 2
+        return Tile((r0, r1), (c0, middle)), Tile((r0, r1), (middle, c1))
 
 
 @dataclass(frozen=True)
@@ -57,6 +73,11 @@ class Cells:
     def _places(self, axis: int, span: Span) -> Array:
         first = self.first[axis]
         return self.origin[axis] + self.step[axis] * np.arange(first + span[0], first + span[1], dtype=float)
+
+    @property
+    def all(self) -> Tile:
+        """The whole map as one rectangle."""
+        return Tile((0, self.size[1]), (0, self.size[0]))
 
     def tiles(self) -> Iterator[Tile]:
         """All of the map, tile by tile."""

@@ -33,6 +33,9 @@ class Ground(Protocol):
     def window(self, rows: Span, cols: Span) -> Terrain:
         """Ground for poses that read no nodes but these."""
 
+    def cost(self, rows: Span, cols: Span) -> int:
+        """Nodes that such a window takes up memory for."""
+
     def sent(self, rows: Span, cols: Span) -> Ground:
         """As much of it as another process needs to make that window."""
 
@@ -56,6 +59,10 @@ class InMemory:
     def window(self, rows: Span, cols: Span) -> Terrain:
         """All of it: that costs nothing."""
         return self.terrain
+
+    def cost(self, rows: Span, cols: Span) -> int:
+        """None."""
+        return 0
 
     def sent(self, rows: Span, cols: Span) -> Ground:
         """The window, cut out."""
@@ -81,6 +88,10 @@ class InFile:
             for span, count in zip((rows, cols), self.whole.shape, strict=True)
         ]
         return lay(self.raster.read(*needed), (needed[0][0], needed[1][0]), rows, cols, self.whole)
+
+    def cost(self, rows: Span, cols: Span) -> int:
+        """Its nodes."""
+        return (rows[1] - rows[0]) * (cols[1] - cols[0])
 
     def sent(self, rows: Span, cols: Span) -> Ground:
         """All that is known of the file: others read it themselves."""

@@ -82,12 +82,13 @@ def exceeded(pose: Pose, limits: Limits, tilt: NDArray[np.float64], clearance: N
     if limits.tilt is not None:
         note("tilt", tilt > limits.tilt)
     if limits.bogie is not None:
-        note("bogie", (np.abs(pose.bogie) > limits.bogie).any(axis=-1))
+        for side in (0, 1):
+            note("bogie", np.abs(pose.bogie[..., side]) > limits.bogie)
     if limits.clearance is not None and clearance is not None:
         note("clearance", ~(clearance > limits.clearance))
     stopped = pose.joint_stop != 0
-    note("rocker", stopped[..., 0])
-    note("bogie", stopped[..., 1:].any(axis=-1))
+    for k, name in enumerate(("rocker", "bogie", "bogie")):
+        note(name, stopped[..., k])
     lost = np.isnan(pose.z)
     bits[lost] = BITS["unsettled"]
     return bits

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +18,13 @@ from .._kernels.jit import threads
 from ..errors import RockerbogieError
 from .cells import Tile
 from .ground import Ground, InMemory
+from .layers import LAYERS
 from .store import NEEDS, Store
 from .tile import Job
 
+#: Most nodes of a file in one window: cells far apart are made in pieces.
+LARGEST = 1 << 21
+PATIENCE = 10.0  # s: how long a scheduler may take to answer
 #: Called with how many cells are done, and how many there are.
 Progress = Callable[[int, int], None]
 
@@ -30,9 +35,22 @@ class Memory:
     def __init__(self, layers: dict[str, NDArray[Any]]) -> None:
         self.arrays = layers
 
+    @classmethod
+    def blank(cls, job: Job, tile: Tile) -> Memory:
+        """Room for a tile's layers, or for all of a map's."""
+        return cls({name: np.full(job.shape(name, tile), LAYERS[name].blank, LAYERS[name].kind) for name in job.layers})
+
     def take(self, name: str, region: tuple[slice, ...], values: NDArray[Any]) -> None:
         """Keep a part of a layer."""
         self.arrays[name][region] = values
+
+    def take_from(self, whole: Tile, name: str, region: tuple[slice, ...], values: NDArray[Any]) -> None:
+        """Keep a part of a layer of the tile `whole`, told by its place on the map."""
+        rows, cols = (
+            slice(part.start - first, part.stop - first)
+            for part, first in zip(region[-2:], (whole.rows[0], whole.cols[0]), strict=True)
+        )
+        self.arrays[name][(*region[:-2], rows, cols)] = values
 
     def is_done(self, tile: Tile) -> bool:
         """Nothing is, to begin with."""
@@ -45,13 +63,31 @@ class Memory:
 def make(job: Job, ground: Ground, tiles: list[Tile], store: Store | Memory) -> int:
     """Make the tiles of one chunk that are not done yet, on one thread; how many cells that was."""
     tiles = [tile for tile in tiles if not store.is_done(tile)]
-    if tiles:
-        with threads(1):
+    with threads(1):
+        if tiles and ground.cost(*job.window(ground, tiles)) <= LARGEST:
             terrain = ground.window(*job.window(ground, tiles))
             for tile in tiles:
                 job.settle(terrain, tile, store.take)
                 store.finish(tile)
+        else:
+            for tile in tiles:
+                _piecewise(job, ground, tile, store)
+                store.finish(tile)
     return sum(tile.size for tile in tiles)
+
+
+def _piecewise(job: Job, ground: Ground, tile: Tile, store: Store | Memory) -> None:
+    """Make a tile whose cells lie too far apart for one window, in pieces put together in memory."""
+    pieces = [tile]
+    while pieces[0].size > 1 and max(ground.cost(*job.window(ground, [piece])) for piece in pieces) > LARGEST:
+        pieces = [half for piece in pieces for half in piece.halves()]
+    whole = Memory.blank(job, tile)
+    for piece in pieces:
+        terrain = ground.window(*job.window(ground, [piece]))
+        job.settle(terrain, piece, partial(whole.take_from, tile))
+    for name, values in whole.arrays.items():
+        lead = (slice(None),) * (values.ndim - 2)
+        store.take(name, (*lead, *tile.region), values)
 
 
 def in_threads(job: Job, ground: Ground, chunks: list[list[Tile]], store: Store | Memory, tell: Callable[[int], None]) -> None:
@@ -122,7 +158,7 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
         raise RockerbogieError(f"making a map on several processes {NEEDS}") from None
     if scheduler is not None:
         try:
-            client = Client(scheduler, timeout="10s")
+            client = Client(scheduler, timeout=PATIENCE)
         except (OSError, ValueError) as error:
             raise RockerbogieError(f"no Dask scheduler answers at {scheduler!r}: {error}") from None
         with client:

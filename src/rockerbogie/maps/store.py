@@ -54,6 +54,11 @@ class Store:
         """Say that a tile's layers are all written. Done in one stroke, after they are."""
         self._mark(tile).touch()
 
+    def tidy(self) -> None:
+        """Take away what writers that were killed left half written."""
+        for scrap in (self.path / "map.zarr").rglob("*.partial"):
+            scrap.unlink(missing_ok=True)
+
     def _mark(self, tile: Tile) -> Path:
         return self.path / "done" / f"{tile.rows[0]}_{tile.cols[0]}"
 
@@ -145,18 +150,18 @@ def _lay_out(path: Path, job: Job) -> None:
     """Make the layers, blank."""
     zarr = import_zarr("a map on disk")
     group = zarr.create_group(path)
-    cols, rows = job.cells.size
-    heads = len(job.headings)
     for name in chosen_layers(job.layers):
         layer = LAYERS[name]
-        lead = ((heads,), (min(HEADINGS, heads),)) if layer.per_heading else ((), ())
+        lead = (min(HEADINGS, len(job.headings)),) if layer.per_heading else ()
         group.create_array(
             name,
-            shape=(*lead[0], rows, cols),
-            chunks=(*lead[1], TILE, TILE),
+            shape=job.shape(name, job.cells.all),
+            chunks=(*lead, TILE, TILE),
             dtype=layer.kind,
             fill_value=layer.blank,
             dimension_names=layer.dims,
+            # angles are noise to a compressor, and would cost it more time than their settling leaves to spare
+            compressors=None if layer.per_heading and layer.kind == "float64" else "auto",
         )
 
 

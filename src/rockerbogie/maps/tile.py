@@ -15,6 +15,7 @@ from ..status import Status
 from ..terrain import Terrain
 from .cells import Cells, Tile
 from .ground import Ground, Span, nodes_under, reach
+from .layers import LAYERS
 from .limits import Limits, exceeded
 
 Array = NDArray[np.float64]
@@ -36,6 +37,10 @@ class Job:
     mode: Mode
     layers: tuple[str, ...]
 
+    def shape(self, layer: str, tile: Tile) -> tuple[int, ...]:
+        """A layer's shape over a tile."""
+        return (len(self.headings), *tile.shape) if LAYERS[layer].per_heading else tile.shape
+
     def window(self, ground: Ground, tiles: list[Tile]) -> tuple[Span, Span]:
         """The nodes, rows and columns, that poses on these tiles may read."""
         margin, whole = reach(self.rover), ground.whole
@@ -55,8 +60,8 @@ class Job:
             part = slice(start, min(start + HEADINGS, len(self.headings)))
             yaw = self.headings[part]
             pose = settle(self.rover, terrain, x, y[:, None], yaw[:, None, None], mode=self.mode)
-            tilt = pose.tilt
-            clearance = pose.clearance if look_below else None
+            tilt = _plain(pose.tilt)
+            clearance = _plain(pose.clearance) if look_below else None
             over = exceeded(pose, self.limits, tilt, clearance)
             summary.add(yaw, pose.status, tilt, clearance, over)
             layers: dict[str, NDArray[Any] | None] = {
@@ -103,9 +108,15 @@ class _Summary:
         share[~self.known] = np.nan
         return {
             "passable": share,
-            "worst_tilt": self.worst_tilt,
-            "best_tilt": self.best_tilt,
+            "worst_tilt": _plain(self.worst_tilt),
+            "best_tilt": _plain(self.best_tilt),
             "best_heading": self.best_heading,
-            "worst_clearance": self.worst_clearance,
+            "worst_clearance": _plain(self.worst_clearance),
             "worst_exceeded": self.worst,
         }
+
+
+def _plain(values: Array) -> Array:
+    """The same with every nan the same nan: NumPy gives them signs that depend on where in an array they stand."""
+    np.copyto(values, np.nan, where=np.isnan(values))
+    return values

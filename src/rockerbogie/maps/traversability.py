@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 #: Bytes of layers that are held in memory; a larger map stays in its store and is read when looked at.
-IN_MEMORY = 2 << 30
+IN_MEMORY = 1 << 30
 
 
 def traversability(
@@ -62,7 +62,7 @@ def traversability(
         layers: names of the layers to keep; None: all. A map's clearance, half its work, is looked at only if asked for.
         band, interpolation: of the raster, as `Terrain.from_raster`.
         store: a folder to keep finished parts in, made if it is not there. The same call goes on where an earlier one was
-            stopped. Needed for maps of more than 2 GB, which stay in it.
+            stopped. Needed for maps of more than 1 GB, which stay in it.
         workers: processes on this machine, by Dask. None: threads of this process, or a process a core for large maps.
         scheduler: address of an existing Dask cluster ("tcp://..."), whose workers see the same files.
         chunk: cells a side of what a worker makes at once, a multiple of 128. It changes nothing but memory and time.
@@ -86,8 +86,7 @@ def traversability(
     ground = _ground(terrain, band, interpolation)
     cells = cells_over(ground.whole, resolution, bounds)
     job = Job(rover, cells, angles, allowed, mode, names)
-    shapes = {n: (len(angles), *cells.size[::-1]) if LAYERS[n].per_heading else cells.size[::-1] for n in names}
-    size = sum(math.prod(shape) * np.dtype(LAYERS[n].kind).itemsize for n, shape in shapes.items())
+    size = sum(math.prod(job.shape(name, cells.all)) * np.dtype(LAYERS[name].kind).itemsize for name in names)
     if store is None and size > IN_MEMORY:
         raise RockerbogieError(
             f"the map would be {size / 1e9:.3g} GB: give store='a folder' to make it in, or ask for fewer layers or headings, "
@@ -96,9 +95,10 @@ def traversability(
     dispersed = workers is not None or scheduler is not None or size > IN_MEMORY
     tell = _Count(math.prod(cells.size), progress)
     if store is None and not dispersed:
-        data = {n: np.full(shape, LAYERS[n].blank, dtype=LAYERS[n].kind) for n, shape in shapes.items()}
         tell(0)
-        in_threads(job, ground, list(cells.chunks(chunk)), Memory(data), tell)
+        memory = Memory.blank(job, cells.all)
+        in_threads(job, ground, list(cells.chunks(chunk)), memory, tell)
+        data = memory.arrays
     elif store is None:
         with tempfile.TemporaryDirectory(prefix="rockerbogie-") as folder:
             data = _in_store(job, ground, Path(folder) / "map", chunk, tell, workers, scheduler, dispersed=True, lazily=False)
@@ -125,6 +125,8 @@ def _in_store(
             in_threads(job, ground, chunks, store, tell)
         if missing := [tile for tile in job.cells.tiles() if not store.is_done(tile)]:
             raise RuntimeError(f"{len(missing)} tiles were not made, {missing[0]} first")
+        if chunks:
+            store.tidy()
         return read(store, lazily)
     except OSError as error:
         raise RockerbogieError(
