@@ -45,6 +45,15 @@ class Bands:
         return float(FACTORS[best]), self.inside(judged, best).mean(axis=0)
 
 
+def nearest(rover: rb.Rover, terrain: rb.Terrain, places: xr.Dataset, row: int) -> str:
+    """How near to its logged attitude a rover would lie, with its logged heading, at the best place within 1, 2, 3 and 4 m."""
+    x, y, yaw, pitch, roll = (float(places[name][row]) for name in ("x", "y", "yaw", "pitch", "roll"))
+    dx, dy = np.meshgrid(*2 * [np.arange(-4, 4.01, 0.1)])
+    pose = rb.settle(rover, terrain, x + dx, y + dy, yaw)
+    off, away = np.degrees(np.hypot(pose.pitch - pitch, pose.roll - roll)), np.hypot(dx, dy)
+    return ", ".join(f"{off[away <= reach].min():.1f} deg within {reach} m" for reach in (1, 2, 3, 4))
+
+
 def percent(shares: np.ndarray) -> str:
     return " / ".join(f"{100 * share:.0f} %" for share in shares)
 
@@ -62,6 +71,11 @@ def main(folder: Path) -> None:
                 print(f"   held out {percent(found['coverage'].values)}, factor {found.attrs['factor']:.2f}", end="; ")
                 print(f"factor 1, not fitted: {percent(found['coverage_unfitted'].values)}")
                 if seed == 0 and way == "linear":
+                    wider = rb.validate(rover, terrain, places, apart=10.0)
+                    print(f"   places within 10 m left out: {percent(wider['coverage'].values)}")
+                    rows = np.flatnonzero(~found["inside"].values.all(axis=1)) if name == "curiosity" else ()
+                    for row in rows:
+                        print(f"   {found['place'].values[row]}: off at best {nearest(rover, terrain, places, row)}")
                     validation_figure(found).savefig(OUT / f"validation_{name}.png")
         terrain = rb.Terrain.from_raster(folder / model, interpolation="linear")
         roughness = missing_roughness(terrain, places["x"].values, places["y"].values)
