@@ -77,6 +77,14 @@ def assert_same(a: Any, b: Any) -> None:
     assert {k: v for k, v in a.attrs.items() if k != "crs"} == {k: v for k, v in b.attrs.items() if k != "crs"}
 
 
+@pytest.fixture
+def cluster() -> Iterator[Any]:
+    """A Dask cluster of one worker, as if somebody else had started it."""
+    distributed = pytest.importorskip("distributed", reason="needs the scale extra")
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0") as running:
+        yield running
+
+
 def bytes_of(folder: Path) -> dict[str, bytes]:
     """Every file of a store."""
     return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
@@ -212,14 +220,14 @@ def test_a_file_in_windows_is_the_terrain_in_memory(
 
 
 def test_any_chunks_and_workers_give_the_same_bytes(
-    rover: rb.Rover, terrain: rb.Terrain, file: Path, plain: Any, tmp_path: Path
+    cluster: Any, rover: rb.Rover, terrain: rb.Terrain, file: Path, plain: Any, tmp_path: Path
 ) -> None:
     pytest.importorskip("zarr", reason="needs the scale extra")
     pytest.importorskip("distributed", reason="needs the scale extra")
     ways: dict[str, tuple[Any, dict[str, Any]]] = {
         "one": (terrain, {"chunk": 1024}),
         "many": (file, {"chunk": 128}),
-        "one worker": (terrain, {"workers": 1, "chunk": 256}),
+        "one worker": (terrain, {"scheduler": cluster.scheduler_address, "chunk": 256}),
         "two workers": (file, {"workers": 2, "chunk": 128}),
     }
     stores = {}

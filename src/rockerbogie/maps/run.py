@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -19,12 +20,12 @@ from ..errors import RockerbogieError
 from .cells import Tile
 from .ground import Ground, InMemory
 from .layers import LAYERS
-from .store import NEEDS, Store
+from .store import NEEDS, Store, numerics
 from .tile import Job
 
 #: Most nodes of a file in one window: cells far apart are made in pieces.
 LARGEST = 1 << 21
-PATIENCE = 10.0  # s: how long a scheduler may take to answer
+PATIENCE = 30.0  # s: how long a scheduler may take to answer, and its first worker to come
 #: Called with how many cells are done, and how many there are.
 Progress = Callable[[int, int], None]
 
@@ -120,7 +121,7 @@ def on_cluster(
     a worker that dies are asked for again.
     """
     with _client(workers, scheduler) as client:
-        from distributed import as_completed
+        from distributed import KilledWorker, as_completed
 
         waiting = iter(chunks)
         finished = as_completed()
@@ -128,24 +129,37 @@ def on_cluster(
         def submit(most: int) -> None:
             for _, chunk in zip(range(most), waiting, strict=False):
                 part = ground.sent(*job.window(ground, chunk))
-                finished.add(client.submit(_remote, job, part, chunk, store, pure=False))
+                finished.add(client.submit(_remote, job, part, chunk, store, numerics(), pure=False))
 
         submit(2 * max(sum(client.nthreads().values()), 1))
         try:
             for future in finished:
-                tell(future.result())
+                if isinstance(cells := future.result(), Exception):
+                    raise cells
+                tell(cells)
                 future.release()
                 submit(1)
+        except KilledWorker as error:
+            raise RockerbogieError(
+                f"workers die of this map, perhaps for want of memory; give a smaller chunk: {error}"
+            ) from None
+        except CancelledError:
+            raise RockerbogieError("the Dask cluster went away; what is finished is kept, and the same call goes on") from None
         finally:
             client.cancel(list(finished.futures))
 
 
-def _remote(job: Job, ground: Ground, chunk: list[Tile], store: Path) -> int:
-    """`make` on a worker. Kernels are compiled for arrays that can be written to; those off the wire cannot."""
-    if isinstance(ground, InMemory):
+def _remote(job: Job, ground: Ground, chunk: list[Tile], store: Path, expected: str) -> int | Exception:
+    """`make` on a worker. What goes wrong with files is given back, as what is raised fills the screen with its traceback."""
+    if isinstance(ground, InMemory):  # kernels are compiled for arrays that can be written to; those off the wire cannot
         t = ground.terrain
         ground = InMemory(replace(t, grid=np.array(t.grid), roof=np.array(t.roof), meta=np.array(t.meta)))
-    return make(job, ground, chunk, Store(store))
+    try:
+        if numerics() != expected:
+            raise RockerbogieError("a worker runs another version of rockerbogie, whose numbers may differ: give all the same")
+        return make(job, ground, chunk, Store(store))
+    except (OSError, RockerbogieError) as error:
+        return error
 
 
 @contextmanager
@@ -162,14 +176,22 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
         except (OSError, ValueError) as error:
             raise RockerbogieError(f"no Dask scheduler answers at {scheduler!r}: {error}") from None
         with client:
+            try:
+                client.wait_for_workers(1, timeout=PATIENCE)
+            except TimeoutError:
+                raise RockerbogieError(f"the Dask cluster at {scheduler!r} has no workers: start some") from None
             yield client
         return
     # a chunk is tried again as often as a worker dies under it, within reason
-    settings = {"distributed.scheduler.allowed-failures": 20}
+    settings = {"distributed.scheduler.allowed-failures": 20, "distributed.logging.distributed": "error"}
     with (
         dask.config.set(settings),
         LocalCluster(
-            n_workers=workers or os.cpu_count() or 1, threads_per_worker=1, processes=True, dashboard_address=None
+            n_workers=workers or os.cpu_count() or 1,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=":0",
+            silence_logs=logging.ERROR,
         ) as cluster,
         Client(cluster) as client,
     ):

@@ -110,12 +110,12 @@ def made_from(job: Job, ground: Ground) -> dict[str, Any]:
         "limits": json.loads(job.limits.to_json()),
         "mode": job.mode,
         "layers": list(job.layers),
-        "rockerbogie": [__version__, _numerics()],
+        "rockerbogie": [__version__, numerics()],
     }
 
 
 @cache
-def _numerics() -> str:
+def numerics() -> str:
     """What the numbers come from: the kernels, and what packs their ground."""
     here = Path(__file__).parents[1]
     kernels = [file for file in (here / "_kernels").glob("*.py") if file.name not in ("jacobians.py", "picture.py")]
