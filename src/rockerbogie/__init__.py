@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from .jacobian import system_jacobian as system_jacobian
     from .jacobian import wheel_jacobians as wheel_jacobians
     from .logs import read_log as read_log
+    from .maps.files import read_map as read_map
+    from .maps.files import write_map as write_map
     from .maps.limits import Limits as Limits
     from .maps.plan import plan as plan
     from .maps.route import Plan as Plan
@@ -111,6 +113,8 @@ _EXPORTS = {
     "LogMap": "places",
     "traversability": "maps.traversability",
     "Limits": "maps.limits",
+    "write_map": "maps.files",
+    "read_map": "maps.files",
     "plan": "maps.plan",
     "Plan": "maps.route",
 }

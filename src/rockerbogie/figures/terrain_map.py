@@ -100,7 +100,7 @@ def _draw_way(ax: Axes, plan: Plan) -> list[Artist]:
     """Draw it, and give what the legend shows of it."""
     ax.plot(plan.x, plan.y, color="white", lw=4.2, solid_capstyle="round", solid_joinstyle="round", zorder=4)
     said = f"least-cost way, {plan.distance[-1]:.4g} m"
-    marks: dict[str, Any] = {"mfc": "white", "mec": INK, "ms": 9, "ls": "", "zorder": 6, "clip_on": False}
+    marks: dict[str, Any] = {"mfc": "white", "mec": INK, "ms": 9, "ls": "", "zorder": 9, "clip_on": False}
     return [
         *ax.plot(plan.x, plan.y, color="#0072B2", lw=2.2, solid_capstyle="round", solid_joinstyle="round", zorder=5, label=said),
         *ax.plot(plan.x[0], plan.y[0], marker="o", label="start", **marks),
