@@ -149,6 +149,8 @@ else:
 
 #: Fewer items than this are one thread's work: waking others takes longer, on a busy machine by milliseconds.
 FEW = 512
+#: Pieces of a batch are whole multiples of this: of whatever number of items a kernel takes together.
+ROUND = 64
 
 
 def spread(kernel: Callable[..., None], count: int, *args: Any) -> None:
@@ -162,11 +164,23 @@ def spread(kernel: Callable[..., None], count: int, *args: Any) -> None:
         kernel(*args, 0, count)
         return
     workers = int(numba.get_num_threads())
-    kernel(*args, 0, 1)  # compiled or loaded before the threads would all wait for it
-    piece = min(max(-(-count // (8 * workers)), FEW // 2), 1 << 16)
-    with ThreadPoolExecutor(workers) as pool:
-        for done in [pool.submit(kernel, *args, start, min(start + piece, count)) for start in range(1, count, piece)]:
-            done.result()
+    kernel(*args, 0, 0)  # compiled or loaded before the threads would all wait for it
+    piece = min(max(-(-count // (8 * workers * ROUND)) * ROUND, FEW // 2), 1 << 16)
+    starts = iter(range(0, count, piece))  # one for all threads: to take the next is one step of the interpreter
+
+    def work() -> None:
+        for start in starts:
+            kernel(*args, start, min(start + piece, count))
+
+    with ThreadPoolExecutor(workers - 1) as pool:
+        others = [pool.submit(work) for _ in range(workers - 1)]
+        try:
+            work()
+        finally:
+            for _ in starts:  # none is left, unless this thread was interrupted
+                pass
+        for other in others:
+            other.result()
 
 
 @contextlib.contextmanager
