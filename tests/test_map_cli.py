@@ -141,6 +141,22 @@ def test_a_stopped_map_goes_on_to_the_same_bytes(
     assert not (tmp_path / "stopped.tif.parts").exists()
 
 
+def test_a_map_that_cannot_be_written_is_not_made_again(
+    dem: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    argv = ("map", dem, *CALL, "--no-preview", "-o", tmp_path / "made" / "map.tif")
+    with monkeypatch.context() as patched:
+        patched.setattr("rockerbogie.maps.files._copy_piece", full)
+        said = complaint(capsys, *argv)
+    assert "No space left on device; what is made is kept in" in said
+    assert main([str(a) for a in argv]) == 0
+    assert "100 % is done" in capsys.readouterr().err
+    assert [p.name for p in (tmp_path / "made").iterdir() if p.suffix == ".tif"] == ["map.tif"]
+
+
 BAD_MAPS = {
     "no output": (["surface:mars"], "--output"),
     "unknown ending": (["surface:mars", "-o", "map.shp"], "names no kind of map: end it in .tif"),

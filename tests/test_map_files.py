@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -271,6 +272,13 @@ def test_a_failed_write_leaves_the_old_map(
         write_map(drawn, file)
     assert content(file) == before
     assert [p.name for p in tmp_path.iterdir()] == [file.name]
+
+
+def test_netcdf_is_not_begun_where_it_may_not_fit(drawn: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("shutil.disk_usage", lambda path: shutil._ntuple_diskusage(10**9, 10**9 - 1000, 1000))
+    with pytest.raises(rb.RockerbogieError, match=r"it may take 0\.0\d+ GB, and 1e-06 GB are free"):
+        write_map(drawn, tmp_path / "map.nc")
+    assert not list(tmp_path.iterdir())
 
 
 def test_route_as_geojson_is_in_the_map_s_crs(drawn: xr.Dataset, tmp_path: Path) -> None:

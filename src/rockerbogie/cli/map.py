@@ -23,14 +23,14 @@ from rich.table import Table
 from .. import surfaces
 from ..errors import RockerbogieError, unknown_name
 from ..formats import load_rover
-from ..maps.files import cell_size, check_ending, write_map
+from ..maps.files import cell_size, check_place, write_map
 from ..maps.layers import LAYERS
 from ..maps.limits import Limits
 from ..maps.preview import Tally, overview, tally
 from ..maps.style import write_style
 from ..maps.traversability import traversability
 from ..terrain import Terrain
-from .common import SURFACE, Json, Linear, RoverName, load_terrain, print_json, progress
+from .common import SURFACE, Json, Linear, RoverName, load_terrain, make_folder, print_json, progress
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -112,7 +112,8 @@ def map_(
     json
         Print the summary as JSON (SI units, radians) in place of the text.
     """
-    check_ending(output)
+    check_place(output)
+    make_folder(output.parent)
     machine = load_rover(rover)
     allowed = _limits(limits, tilt, pitch, roll, rocker, bogie, clearance)
     ground = _ground(terrain, linear)
@@ -127,7 +128,11 @@ def map_(
             store=parts, workers=workers, scheduler=scheduler, progress=settling,
         )  # fmt: skip
         seconds = time.perf_counter() - began
-        files = [write_map(maps, output, per_heading=per_heading, progress=writing)]
+        try:
+            files = [write_map(maps, output, per_heading=per_heading, progress=writing)]
+        except RockerbogieError as error:
+            kept = f"; what is made is kept in {parts}, and the same command goes on from there" if parts else ""
+            raise RockerbogieError(f"{error}{kept}") from None
     counts = tally(maps)
     if geotiff:
         files.append(write_style(maps, output.with_suffix(".qml"), per_heading=per_heading))

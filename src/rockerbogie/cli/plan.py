@@ -14,7 +14,7 @@ from ..formats import load_rover
 from ..maps.files import read_map
 from ..maps.plan import plan as plan_route
 from ..maps.preview import overview
-from .common import SURFACE, Json, load_terrain, print_json, progress
+from .common import SURFACE, Json, load_terrain, make_folder, print_json, progress
 
 Place = Annotated[tuple[float, float], Parameter(allow_leading_hyphen=True)]
 Heading = Annotated[float | None, Parameter(allow_leading_hyphen=True)]
@@ -85,6 +85,7 @@ def plan(
         )  # fmt: skip
     files = []
     if output is not None:
+        make_folder(output.parent)
         (found.to_csv if output.suffix.lower() == ".csv" else found.to_geojson)(output)
         files.append(output)
         if preview:

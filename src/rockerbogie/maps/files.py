@@ -62,11 +62,9 @@ def write_map(maps: xr.Dataset, file: str | Path, *, per_heading: bool = False, 
     """
     path = Path(file)
     kind = path.suffix.lower()
-    check_ending(path)
+    check_place(path)
     tell = progress or (lambda share: None)
     maps = _ordered(maps)
-    if path.is_dir() and not _is_zarr(path):
-        raise RockerbogieError(f"{str(file)!r} is a folder and no map: give another name")
     partial = path.with_name(f".{path.stem}.{uuid.uuid4().hex[:8]}{kind}")
     try:
         if kind in (".tif", ".tiff"):
@@ -81,13 +79,19 @@ def write_map(maps: xr.Dataset, file: str | Path, *, per_heading: bool = False, 
     except OSError as error:
         raise RockerbogieError(f"cannot write {str(file)!r}: {error.strerror or error}") from None
     finally:
-        shutil.rmtree(partial) if partial.is_dir() else partial.unlink(missing_ok=True)
+        shutil.rmtree(partial, ignore_errors=True) if partial.is_dir() else partial.unlink(missing_ok=True)
     tell(1.0)
     return path
 
 
-def check_ending(path: Path) -> None:
-    """Raise where a file's ending names no way of writing a map."""
+def check_place(path: Path) -> None:
+    """Raise where a map cannot be written: its ending names no way to, or a folder of something else is there."""
+    _check_ending(path)
+    if path.is_dir() and not _is_zarr(path):
+        raise RockerbogieError(f"{str(path)!r} is a folder and no map: give another name")
+
+
+def _check_ending(path: Path) -> None:
     if path.suffix.lower() not in ENDINGS:
         raise RockerbogieError(f"{str(path)!r} names no kind of map: end it in {', '.join(ENDINGS[:-1])} or {ENDINGS[-1]}")
 
@@ -103,7 +107,7 @@ def read_map(file: str | Path) -> xr.Dataset:
     import xarray as xr
 
     path = Path(file)
-    check_ending(path)
+    _check_ending(path)
     if not path.exists():
         raise RockerbogieError(f"no map at {str(file)!r}")
     if path.suffix.lower() in (".tif", ".tiff"):
@@ -149,6 +153,7 @@ def _ordered(maps: xr.Dataset) -> xr.Dataset:
 
 def _write_geotiff(maps: xr.Dataset, path: Path, per_heading: bool, tell: Progress) -> None:
     rasterio = _rasterio()
+    from rasterio._err import CPLE_BaseError
     from rasterio.shutil import copy
 
     layers = bands(maps, per_heading)
@@ -171,8 +176,8 @@ def _write_geotiff(maps: xr.Dataset, path: Path, per_heading: bool, tell: Progre
                 plain, path, driver="COG", compress="DEFLATE", predictor="YES", blocksize=TILE, bigtiff="IF_SAFER",
                 overviews="AUTO", overview_resampling="NEAREST",
             )  # fmt: skip
-    except rasterio.errors.RasterioError as error:
-        raise OSError(str(error)) from None
+    except (rasterio.errors.RasterioError, CPLE_BaseError) as error:
+        raise OSError(f"GDAL says {str(error).rstrip('.')}; is the disk full?") from None
     finally:
         plain.unlink(missing_ok=True)
 
@@ -275,6 +280,9 @@ def _write_netcdf(maps: xr.Dataset, path: Path, tell: Progress) -> None:
     """Blocks lie in the file as they come: written one by one in order, so that the same map gives the same bytes."""
     import h5netcdf
 
+    needed, free = maps.nbytes, shutil.disk_usage(path.parent).free
+    if needed > free:  # HDF5 does not survive a disk that fills up under it
+        raise OSError(f"it may take {needed / 1e9:.3g} GB, and {free / 1e9:.3g} GB are free there")
     maps.drop_vars(maps.data_vars).to_netcdf(path, engine="h5netcdf")
     with h5netcdf.File(path, "a") as file:
         for name, shape in _blocks(maps).items():
