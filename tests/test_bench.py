@@ -62,7 +62,7 @@ def test_a_drop_that_does_not_rest_is_no_time(monkeypatch: pytest.MonkeyPatch) -
 
 def test_pinocchio_without_its_calls_is_quicker_than_with_them() -> None:
     pytest.importorskip("pinocchio", reason="Pinocchio (pin) is what Jacobians are timed against; it is not installed")
-    found = baselines.pinocchio_seconds(rb.load_rover("elhami-dashti"), 500)
+    found = baselines.pinocchio_seconds(rb.load_rover("elhami-dashti"), 200, 5)
     assert found is not None
     assert 0 < found[0] < found[1]
 
@@ -92,8 +92,8 @@ def test_figures_are_plain_json_and_make_tables(figures: dict, tmp_path) -> None
     again = json.loads(json.dumps(figures))
     made = tables(again, {"smooth cubic, thin disc": 12.0})
     assert made[0].rows[0][0] == "smooth cubic, thin disc"
-    assert made[1].headings[-1] == "before"
-    assert made[1].rows[0][-1] == "12"
+    assert made[2].headings[-1] == "before"
+    assert made[2].rows[0][-1] == "12"
     for table in made:
         assert all(len(row) == len(table.headings) for row in table.rows)
         lines = table.markdown().splitlines()
@@ -102,7 +102,7 @@ def test_figures_are_plain_json_and_make_tables(figures: dict, tmp_path) -> None
 
 def test_a_baseline_that_fails_is_not_a_ratio(figures: dict) -> None:
     case = {**figures["cases"][0], "baseline_solved": {"hub": 1.0, "point": 0.4, "rim": 0.0, "mujoco": 1.0}}
-    row = dict(zip((made := tables({**figures, "cases": [case]})[1]).headings, made.rows[0], strict=True))
+    row = dict(zip((made := tables({**figures, "cases": [case]})[2]).headings, made.rows[0], strict=True))
     assert row["point"].endswith("*")
     assert row["rim"] == "fails"
 
@@ -138,7 +138,7 @@ def test_tables_go_into_a_page_between_its_marks(figures: dict, tmp_path, capsys
     assert "old" not in text
     assert main(["bench", "--markdown", str(page), "--compare", str(kept)]) == 0
     assert "before" in capsys.readouterr().out
-    assert page.read_text().count("| smooth cubic, thin disc |") == 2, "one run's tables: times and ratios"
+    assert page.read_text().count("| smooth cubic, thin disc |") == 3, "one run's tables: times, residuals, ratios"
     page.write_text("no marks")
     assert main(["bench", "--markdown", str(page)]) == 2
     assert "end of bench" in capsys.readouterr().err

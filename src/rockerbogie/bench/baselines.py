@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import cycle
 from time import process_time
 from typing import Any
 
@@ -95,7 +96,7 @@ def _height(rover: Rover, terrain: Terrain, x: float, y: float, yaw: float) -> f
     return float(np.nanmax(terrain.height(x + c * p[:, 0] - s * p[:, 1], y + s * p[:, 0] + c * p[:, 1]) - p[:, 2]))
 
 
-def pinocchio_seconds(rover: Rover, calls: int = 2000) -> tuple[float, float] | None:
+def pinocchio_seconds(rover: Rover, calls: int = 200, repeats: int = 50) -> tuple[float, float] | None:
     """Time of Pinocchio's frames and six wheel Jacobians of one configuration, each call at another; none if not installed.
 
     First with what its calls from Python cost taken off (the same calls on a model without joints; for a frame's Jacobian,
@@ -111,7 +112,7 @@ def pinocchio_seconds(rover: Rover, calls: int = 2000) -> tuple[float, float] | 
     data, no_data, one_data = model.createData(), none.createData(), one.createData()
     wheels = [model.getFrameId(f"wheel_{name}") for name in rover.wheel_names]
     rng = np.random.default_rng(3)
-    q = iter([pin.randomConfiguration(model, -np.ones(model.nq), np.ones(model.nq)) for _ in range(64)] * (calls // 8))
+    q = cycle([pin.randomConfiguration(model, -np.ones(model.nq), np.ones(model.nq)) for _ in range(calls)])
     q_none = np.zeros(0)
     pin.computeJointJacobians(one, one_data, rng.normal(size=1))
     pin.updateFramePlacements(one, one_data)
@@ -128,5 +129,5 @@ def pinocchio_seconds(rover: Rover, calls: int = 2000) -> tuple[float, float] | 
         for _ in wheels:
             pin.getFrameJacobian(one, one_data, tip, pin.LOCAL)
 
-    called = each(whole, calls)
-    return called - each(empty, calls), called
+    called = each(whole, calls, repeats)
+    return called - each(empty, calls, repeats), called
