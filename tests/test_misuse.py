@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -89,6 +91,59 @@ def test_the_right_side_is_not_the_left(change, says):
     assert rb.Rover.from_pivots(**good).hubs[0, 1] == 0.3
     with pytest.raises(rb.RoverError, match=says):
         rb.Rover.from_pivots(**(good | change))
+
+
+def test_places_that_do_not_go_together_are_told():
+    ground = rb.surfaces.plane()
+    for ask in (ground.height, ground.gradient, ground.normal):
+        with pytest.raises(rb.RockerbogieError, match=r"x and y of shapes \(2,\) and \(3,\) must be numbers that broadcast"):
+            ask([0, 1], [0, 1, 2])
+        with pytest.raises(rb.RockerbogieError, match="must be numbers that broadcast together"):
+            ask("east", 0)
+
+
+@pytest.fixture
+def raster(tmp_path):
+    rasterio = pytest.importorskip("rasterio")
+
+    def write(z, **more):
+        file, z = tmp_path / "dem.tif", np.asarray(z)
+        place = rasterio.Affine(1, 0, 0, 0, -1, 10)
+        size = {"height": z.shape[0], "width": z.shape[1], "count": 1, "dtype": z.dtype}
+        with rasterio.open(file, "w", driver="GTiff", transform=place, crs="EPSG:32633", **size, **more) as out:
+            out.write(z, 1)
+        return file
+
+    return write
+
+
+@pytest.mark.parametrize(
+    "more, says",
+    [
+        ({"band": "a"}, r"1 band\(s\), counted from 1; band 'a' is not one of them"),
+        ({"band": 1.5}, r"band 1\.5 is not one of them"),
+        ({"window": "a"}, "window 'a' is not"),
+        ({"window": 5}, "window 5 is not"),
+    ],
+)
+def test_bands_and_windows_that_are_none(raster, more, says):
+    with pytest.raises(rb.TerrainError, match=says):
+        rb.Terrain.from_raster(raster(np.ones((10, 10), dtype=np.float32)), **more)
+
+
+@pytest.mark.parametrize("value, kind", [(-32768, np.int16), (-9999, np.int32), (-9999, np.float32), (-3.4028235e38, np.float32)])
+def test_what_looks_like_no_data_and_is_not_marked_is_told(raster, value, kind):
+    z = np.arange(100).reshape(10, 10).astype(kind)
+    z[2, 3] = value
+    with pytest.warns(
+        UserWarning, match=r"dem.tif marks nothing as no data, but its lowest value is -.* gdal_edit.py -a_nodata -"
+    ):
+        rb.Terrain.from_raster(raster(z))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        assert np.isnan(rb.Terrain.from_raster(raster(z, nodata=float(z[2, 3]))).z).sum() == 1, "marked, it is unknown ground"
+        z[2, 3] = -4471
+        rb.Terrain.from_raster(raster(z))
 
 
 def test_a_simulation_that_goes_nowhere_is_no_success(capsys):

@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 #: Most pixels read at once: 3.2 GB of heights.
 MOST_PIXELS = 400_000_000
 CACHE = 64 << 20  # bytes of a file that GDAL may keep
+#: Values that files use for no data, and that are no height anybody drives at.
+LOOK_UNKNOWN = (-3.4028234663852886e38, -99999.0, -32768.0, -32767.0, -9999.0)
 METRES = frozenset({"", "m", "metre", "meter", "metres", "meters"})
 
 
@@ -50,7 +52,8 @@ class Raster:
 
     def read(self, rows: tuple[int, int], cols: tuple[int, int]) -> Array:
         """Heights (rows, cols) of the nodes rows × cols (first, one past the last), m; y grows with the row, nan is no
-        data. The file's scale and offset are applied, and what it marks as no data (by value or by mask) is nan.
+        data. The file's scale and offset are applied, and what it marks as no data (by value or by mask) is nan. A warning
+        tells of a file that marks nothing and holds what looks like it.
 
         Raises:
             TerrainError: the file cannot be read.
@@ -63,6 +66,14 @@ class Raster:
         with _opened(self.path) as raster:
             raw = raster.read(self.band, masked=True, window=Window(left, top, *size))
             scale, offset = raster.scales[self.band - 1], raster.offsets[self.band - 1]
+            unmarked = raster.nodata is None
+        lowest = raw.min()
+        if unmarked and lowest in LOOK_UNKNOWN:
+            warnings.warn(
+                f"{self.path.name} marks nothing as no data, but its lowest value is {lowest:g}: if that means no data, say "
+                f"so in the file, with gdal_edit.py -a_nodata {lowest:g} {self.path.name}",
+                stacklevel=3,
+            )
         heights = np.ma.filled(raw.astype(np.float64), np.nan) * scale + offset
         if self.step[0] < 0:
             heights = heights[:, ::-1]
@@ -139,8 +150,8 @@ def _places(corner: float, step: float, count: int, first: int, last: int) -> Ar
 
 def _check(raster: Any, name: str, band: int) -> None:
     """Refuse what is not a north-south grid of heights in metres, with the way out."""
-    if not 1 <= band <= raster.count:
-        raise TerrainError(f"{name} has {raster.count} band(s), counted from 1; band {band} is not one of them")
+    if not isinstance(band, int | np.integer) or not 1 <= band <= raster.count:
+        raise TerrainError(f"{name} has {raster.count} band(s), counted from 1; band {band!r} is not one of them")
     if np.dtype(raster.dtypes[band - 1]).kind not in "iuf":
         raise TerrainError(f"band {band} of {name} holds {raster.dtypes[band - 1]}, not heights: choose another band")
     T = raster.transform
@@ -164,9 +175,12 @@ def _inside(
     centres: tuple[Array, Array], window: tuple[float, float, float, float], name: str
 ) -> tuple[tuple[int, int], tuple[int, int]]:
     """First and one-past-last column and row whose centres lie in the window."""
-    box = np.asarray(window, dtype=float)
+    try:
+        box = np.asarray(window, dtype=float)
+    except (TypeError, ValueError):
+        box = np.empty(0)
     if box.shape != (4,) or not np.isfinite(box).all() or not (box[:2] < box[2:]).all():
-        raise TerrainError(f"window {tuple(window)} is not (xmin, ymin, xmax, ymax) with min below max, in metres")
+        raise TerrainError(f"window {window!r} is not (xmin, ymin, xmax, ymax) with min below max, in metres")
     spans = []
     for axis, at in enumerate(centres):
         slack = 1e-6 * abs(at[1] - at[0]) if len(at) > 1 else 0.0

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import spline
 from ._kernels import ground
 from ._kernels.jit import spread
-from .errors import TerrainError
+from .errors import RockerbogieError, TerrainError
 
 Array = NDArray[np.float64]
 Interpolation = Literal["cubic", "linear"]
@@ -108,6 +108,8 @@ class Terrain:
 
         Raises:
             TerrainError: missing file, no such band, rotated or geographic grid, no rasterio; with the way out.
+
+        Warns of a file that marks nothing as no data, but whose lowest value looks like it (-9999, -32768, …).
         """
         from .raster import read_raster
 
@@ -152,7 +154,13 @@ class Terrain:
         return np.asarray(n / np.linalg.norm(n, axis=-1, keepdims=True))
 
     def _surface(self, x: ArrayLike, y: ArrayLike) -> Array:
-        px, py = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+        try:
+            px, py = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+        except (TypeError, ValueError) as error:
+            shapes = " and ".join(str(np.shape(value)) for value in (x, y))
+            raise RockerbogieError(
+                f"x and y of shapes {shapes} must be numbers that broadcast together, as x[None, :] and y[:, None] do: {error}"
+            ) from None
         out = np.empty((px.size, 3))
         spread(ground.surface_batch, px.size, self.packed, px.ravel(), py.ravel(), out)
         return out.reshape(*px.shape, 3)
