@@ -7,11 +7,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .contact import settle_contact
+from .block import BLOCK_SIZE, VERDICT, load, settle_block
+from .contact import CONVERGED, JOINT_STOP, beyond_stops, settle_contact
 from .equilibrium import settle_equilibrium
-from .ground import META_X, META_Y, META_Z, loan
+from .ground import META_CUBIC, META_X, META_Y, META_Z, loan
 from .jit import bare, njit
+from .lanes import LANES, Q
 from .linkage import P_BOX, PITCH, ROLL, Z, body_axes, stand, stand_feet
+from .proof import LEAST
 from .tread import FOUND, Ground, least_gap, patches
 from .underside import NEAR_ROOM, NEAR_SIZE, box_over_ground, least_clearance
 from .wheel import (
@@ -47,14 +50,26 @@ def settle_batch(
     stop: int,
 ) -> None:
     """Contact mode. x, y, yaw (n,), steering (n, 6) or (1, 6); fills out (n, 6) as linkage's q, and status (n,)."""
-    buffer = np.empty(WORK_SIZE)
-    work, land, car, meta, q = lay_out(buffer), loan(ground), bare(rover), bare(ground[2]), bare(out)
-    for k in range(start, stop):
-        stand_feet(car, steering[k if steering.shape[0] > 1 else 0], work.feet)
-        px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
-        status[k] = settle_contact(land, car, px, py, math.cos(yaw[k]), math.sin(yaw[k]), q[k], work)
-        q[k, Z] += meta[META_Z]
-    buffer[0] = 0.0  # its last use: it lives till here
+    buffer, block = np.empty(WORK_SIZE), np.empty(BLOCK_SIZE)
+    work, land, car, meta, q, S = lay_out(buffer), loan(ground), bare(rover), bare(ground[2]), bare(out), bare(block)
+    cubic = meta[META_CUBIC] != 0.0
+    for first in range(start, stop, LANES):
+        count = min(LANES, stop - first)
+        if cubic:
+            load(S, car, meta, x, y, yaw, steering, first, count, first == start, work)
+            settle_block(S, land, car, count, work)
+        for l in range(count):
+            k = first + l
+            if cubic and S[VERDICT + l] == LEAST:
+                for n in range(6):
+                    q[k, n] = S[Q + n * LANES + l]
+                status[k] = JOINT_STOP if beyond_stops(car, q[k]) else CONVERGED
+            else:
+                stand_feet(car, steering[k if steering.shape[0] > 1 else 0], work.feet)
+                px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
+                status[k] = settle_contact(land, car, px, py, math.cos(yaw[k]), math.sin(yaw[k]), q[k], work)
+            q[k, Z] += meta[META_Z]
+    buffer[0] = block[0] = 0.0  # their last use: they live till here
 
 
 @njit

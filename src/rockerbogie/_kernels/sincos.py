@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .jit import fused
+from .jit import fused, inlined
 
 Array = NDArray[np.float64]
 
@@ -22,23 +22,26 @@ C4, C5, C6 = -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.1359647
 FAR = 1e5  # rad
 
 
-@fused
-def sincos(angle: Array, count: int, sine: Array, cosine: Array) -> None:
-    """Fill sine and cosine (count,) of angle (count,), rad; to two units in the last place, nan for nan.
+@inlined
+def sine_cosine(a: float) -> tuple[float, float]:
+    """sin and cos of an angle within `FAR`, rad; to two units in the last place, nan for nan.
 
     The angle less its nearest multiple of π/2 goes into the polynomials; which of the two is the sine, and their signs,
     are chosen by arithmetic.
     """
+    turns = np.floor(a * (2.0 / math.pi) + 0.5)
+    x = ((a - turns * PART_1) - turns * PART_2) - turns * PART_3
+    z = x * x
+    s = x + x * z * (S1 + z * (S2 + z * (S3 + z * (S4 + z * (S5 + z * S6)))))
+    c = 1.0 - 0.5 * z + z * z * (C1 + z * (C2 + z * (C3 + z * (C4 + z * (C5 + z * C6)))))
+    quarter = turns - 4.0 * np.floor(turns * 0.25)  # 0, 1, 2, 3
+    swap = quarter - 2.0 * np.floor(quarter * 0.5)  # 1 where sine and cosine change places
+    flip = 1.0 - 2.0 * np.floor(quarter * 0.5)
+    return flip * ((1.0 - swap) * s + swap * c), flip * (1.0 - 2.0 * swap) * ((1.0 - swap) * c + swap * s)
+
+
+@fused
+def sincos(angle: Array, count: int, sine: Array, cosine: Array) -> None:
+    """Fill sine and cosine (count,) of angle (count,), rad: `sine_cosine`."""
     for k in range(count):
-        a = angle[k]
-        turns = np.floor(a * (2.0 / math.pi) + 0.5)
-        x = ((a - turns * PART_1) - turns * PART_2) - turns * PART_3
-        z = x * x
-        s = x + x * z * (S1 + z * (S2 + z * (S3 + z * (S4 + z * (S5 + z * S6)))))
-        c = 1.0 - 0.5 * z + z * z * (C1 + z * (C2 + z * (C3 + z * (C4 + z * (C5 + z * C6)))))
-        quarter = turns - 4.0 * np.floor(turns * 0.25)  # 0, 1, 2, 3
-        swap = quarter - 2.0 * np.floor(quarter * 0.5)  # 1 where sine and cosine change places
-        flip_s = 1.0 - 2.0 * np.floor(quarter * 0.5)
-        flip_c = flip_s * (1.0 - 2.0 * swap)
-        sine[k] = flip_s * ((1.0 - swap) * s + swap * c)
-        cosine[k] = flip_c * ((1.0 - swap) * c + swap * s)
+        sine[k], cosine[k] = sine_cosine(angle[k])

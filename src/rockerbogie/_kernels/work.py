@@ -31,12 +31,13 @@ class Work(NamedTuple):
     none: Array  # (0, PLACE_SIZE) room for none, where only the lowest is sought
     ends: Array  # (ENDS_SIZE, 2) rim crossings
     bends: Array  # (BENDS_SIZE,) bounds on a cubic cell
+    least: Array  # (BENDS_SIZE,) bounds over several cubic cells
     cell: Array  # (4,) a bilinear cell
     bound: Array  # (ROW,) bounds of a row of cells
 
 
 WORK_SIZE = (
-    30 + 9 + 12 + 6 * WHEEL_SIZE + 6 * PLACE_SIZE + 36 + 6 + PLACE_SIZE * (1 + ROOM) + 2 * ENDS_SIZE + BENDS_SIZE + 4 + ROW
+    30 + 9 + 12 + 6 * WHEEL_SIZE + 6 * PLACE_SIZE + 36 + 6 + PLACE_SIZE * (1 + ROOM) + 2 * ENDS_SIZE + 2 * BENDS_SIZE + 4 + ROW
 )
 
 
@@ -68,6 +69,8 @@ def lay_out(buffer: Array) -> Work:
     n += 2 * ENDS_SIZE
     bends = b[n : n + BENDS_SIZE]
     n += BENDS_SIZE
+    least = b[n : n + BENDS_SIZE]
+    n += BENDS_SIZE
     cell = b[n : n + 4]
     n += 4
-    return Work(feet, axes, knees, wheels, touch, rows, step, best, found, none, ends, bends, cell, b[n:])
+    return Work(feet, axes, knees, wheels, touch, rows, step, best, found, none, ends, bends, least, cell, b[n:])

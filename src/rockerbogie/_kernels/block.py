@@ -1,0 +1,100 @@
+"""A block of poses on cubic ground: into the lanes, settled there, and proved one by one."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import lanes, smooth, wheel
+from .contact import TOLERANCE, WIDEST
+from .ground import META_BEND, META_X, META_Y
+from .jit import njit
+from .linkage import P_HALF, P_RADIUS, stand_feet
+from .proof import LEAST, LOWER, UNKNOWN, is_least
+from .sincos import FAR
+from .tread import SMOOTH, Ground
+from .wheel import gap_at
+from .work import Work
+
+Array = NDArray[np.float64]
+
+VERDICT = smooth.SMOOTH_ROWS  # what is proved of a lane: `proof`'s words
+BLOCK_SIZE = VERDICT + lanes.LANES
+ROUNDS = 5  # proofs that may send a lane on from a lower place
+
+
+@njit
+def load(
+    S: Array, rover: Array, meta: Array, x: Array, y: Array, yaw: Array, steering: Array, first: int, count: int, fresh: bool,
+    work: Work,
+) -> None:  # fmt: skip
+    """Fill a block with the `count` poses from `first` on, the last one again where there is room. Steering that serves all
+    poses is set in a fresh block only."""
+    for l in range(lanes.LANES):
+        k = first + min(l, count - 1)
+        S[lanes.X + l], S[lanes.Y + l] = x[k] - meta[META_X], y[k] - meta[META_Y]
+        S[lanes.CY + l] = yaw[k] if abs(yaw[k]) < FAR else yaw[k] % (2.0 * math.pi)
+        if fresh or steering.shape[0] > 1:
+            stand_feet(rover, steering[k if steering.shape[0] > 1 else 0], work.feet)
+            for i in range(6):
+                for n in range(5):
+                    S[lanes.FX + n * lanes.ALL + i * lanes.LANES + l] = work.feet[i, n]
+    lanes.head(S)
+
+
+@njit
+def prove(S: Array, ground: Ground, rover: Array, l: int, work: Work) -> int:
+    """Whether lane l has settled upright, and that over all treads: LEAST. LOWER where it is to go on: a tread is deeper in
+    the ground elsewhere, which its contact is moved to, or not near enough. UNKNOWN where it is to be settled otherwise."""
+    if S[lanes.LIVE + l] != 0.0:
+        return UNKNOWN
+    for n in range(1, 6):
+        if abs(S[lanes.Q + n * lanes.LANES + l]) > WIDEST:
+            return UNKNOWN
+    w, best = work.wheels[0], work.best
+    verdict = LEAST
+    for i in range(6):
+        k = i * lanes.LANES + l
+        if S[smooth.ASTRAY + k] != 0.0:
+            return UNKNOWN
+        if rover[P_HALF + i] == 0.0 and rover[P_RADIUS + i] * ground[2][META_BEND] < SMOOTH:
+            continue  # all of the map bends less than this rim
+        vx, vy, az, level = S[lanes.VX + k], S[lanes.VY + k], S[lanes.AZ + k], S[lanes.UZ + k]
+        w[wheel.HX], w[wheel.HY] = S[lanes.X + l] + S[lanes.OX + k], S[lanes.Y + l] + S[lanes.OY + k]
+        w[wheel.HZ] = S[lanes.Q + l] + S[lanes.OZ + k]
+        w[wheel.AX], w[wheel.AY], w[wheel.AZ], w[wheel.VX], w[wheel.VY] = level * vx, level * vy, az, vx, vy
+        w[wheel.EX], w[wheel.EY], w[wheel.UX], w[wheel.UY], w[wheel.UZ] = vy, -vx, -az * vx, -az * vy, level
+        w[wheel.COS], w[wheel.TAN], w[wheel.RADIUS], w[wheel.HALF] = level, az / level, rover[P_RADIUS + i], rover[P_HALF + i]
+        sine, cosine, place = S[lanes.SINE + k], S[lanes.COSINE + k], S[lanes.PLACE + k]
+        if abs(gap_at(ground[0], ground[2], w, sine, cosine, place)) > TOLERANCE:
+            verdict = LOWER  # one step more
+            continue
+        of_wheel = is_least(ground, w, sine, cosine, place, work)
+        if of_wheel == UNKNOWN:
+            return UNKNOWN
+        if of_wheel == LOWER:
+            S[lanes.SINE + k], S[lanes.COSINE + k], S[lanes.PLACE + k] = best[wheel.SIN], best[wheel.COSINE], best[wheel.PLACE]
+            verdict = LOWER
+    return verdict
+
+
+@njit
+def settle_block(S: Array, ground: Ground, rover: Array, count: int, work: Work) -> None:
+    """Settle the first `count` lanes on cubic ground. VERDICT is LEAST for those that are proved; others are to be settled
+    otherwise."""
+    grid, _, meta = ground
+    for l in range(lanes.LANES):
+        S[lanes.LIVE + l], S[VERDICT + l] = (1.0, LOWER) if l < count else (0.0, UNKNOWN)
+    smooth.start(S, grid, meta, rover)
+    for _ in range(ROUNDS):
+        smooth.settle(S, grid, meta, rover)
+        again = False
+        for l in range(count):
+            if S[VERDICT + l] == LOWER:
+                S[VERDICT + l] = prove(S, ground, rover, l, work)
+                S[lanes.LIVE + l] = 1.0 if S[VERDICT + l] == LOWER else 0.0
+                again |= S[VERDICT + l] == LOWER
+        if not again:
+            break
