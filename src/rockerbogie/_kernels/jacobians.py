@@ -13,34 +13,19 @@ from .sincos import FAR, sincos
 
 Array = NDArray[np.float64]
 
-ROCKER, BOGIE_LEFT, BOGIE_RIGHT, STEERING, WHEEL, ROLL_SLIP, SIDE_SLIP, TURN_SLIP, CONTACT_ANGLE = range(9)
-
 #: Angles of a pose that want a sine: both rockers, both bogies' links, steering and contact of six wheels.
 ARM, HANG, TURN, TOUCH, ANGLES = 0, 2, 4, 10, 16
-BLOCK = 2  # poses whose sines are taken together
+BLOCK = 8  # poses whose sines are taken together
 
 
 @inlined
-def _hinge(J: Array, k: int, i: int, column: int, x: float, z: float, rate: float) -> None:
-    """A hinge along y at (x, ·, z): while its link holds still, the body turns the other way about it."""
-    J[k, i, 0, column] = z * rate
-    J[k, i, 2, column] = -x * rate
-    J[k, i, 4, column] = -rate
-
-
-@inlined
-def _turn(J: Array, k: int, i: int, column: int, px: float, py: float, pz: float, ax: float, ay: float, az: float) -> None:
-    """The body turns at unit rate about the axis a through p."""
-    J[k, i, 0, column] = py * az - pz * ay
-    J[k, i, 1, column] = pz * ax - px * az
-    J[k, i, 2, column] = px * ay - py * ax
-    J[k, i, 3, column], J[k, i, 4, column], J[k, i, 5, column] = ax, ay, az
-
-
-@inlined
-def _slide(J: Array, k: int, i: int, column: int, ax: float, ay: float, az: float) -> None:
-    """The body goes along a."""
-    J[k, i, 0, column], J[k, i, 1, column], J[k, i, 2, column] = ax, ay, az
+def _row(
+    J: Array, k: int, i: int, row: int, rocker: float, left: float, right: float, steering: float,
+    wheel: float, roll: float, side: float, turn: float, contact: float,
+) -> None:  # fmt: skip
+    """One component of the twist, by `JACOBIAN_COLUMNS`."""
+    J[k, i, row, 0], J[k, i, row, 1], J[k, i, row, 2], J[k, i, row, 3] = rocker, left, right, steering
+    J[k, i, row, 4], J[k, i, row, 5], J[k, i, row, 6], J[k, i, row, 7], J[k, i, row, 8] = wheel, roll, side, turn, contact
 
 
 @inlined
@@ -70,17 +55,16 @@ def wheel_jacobians_batch(
 
     Axes of J: pose, wheel, twist component, column. Frames (n, 6, 4, 4), axle to body, are filled too if there are any.
     The angles of a block of poses are laid side by side and their sines worked out together: one by one they were most
-    of the time. A block's J is put together close by, where its zeros stay, and copied out whole.
+    of the time. A hinge along y at (x, ·, z) turns the body the other way: (z, 0, -x, 0, -1, 0); a slip goes along an axis
+    of the contact; a turn at unit rate about the axis a through the point p is (p × a, a). The normal goes through the hub.
     """
     angle, sine, cosine, slope = np.empty(ANGLES * BLOCK), np.empty(ANGLES * BLOCK), np.empty(ANGLES * BLOCK), np.empty(BLOCK)
-    block, out = np.zeros((BLOCK, 6, 6, 9)), J.reshape(-1, 324)
-    rows = block.reshape(-1, 324)
     for first in range(start, stop, BLOCK):
         count = min(BLOCK, stop - first)
         for lane in range(count):
             k, at = first + lane, ANGLES * lane
-            right, slope[lane] = right_rocker(rover, rocker[k])
-            angle[at + ARM], angle[at + ARM + 1] = _near_zero(rocker[k]), _near_zero(right)
+            other, slope[lane] = right_rocker(rover, rocker[k])
+            angle[at + ARM], angle[at + ARM + 1] = _near_zero(rocker[k]), _near_zero(other)
             for side in range(2):
                 angle[at + HANG + side] = _near_zero(angle[at + ARM + side] + bogie[k, side])
             for i in range(6):
@@ -98,17 +82,20 @@ def wheel_jacobians_batch(
                 cb, sb = cosine[at + HANG + side], sine[at + HANG + side]
                 for group in range(3):
                     i = 2 * group + side
-                    _hinge(block, lane, i, ROCKER, px, pz, rate)
                     if group == 0:
                         ox, oy, oz, cl, sl = px, py, pz, ca, sa
+                        left, lx, lz, right, rx, rz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
                     else:
-                        _hinge(block, lane, i, BOGIE_LEFT + side, kx, kz, 1.0)
                         ox, oy, oz, cl, sl = kx, ky, kz, cb, sb
+                        left, right = 1.0 - side, 0.0 + side
+                        lx, lz, rx, rz = left * kx, left * kz, right * kx, right * kz
                     cs, ss = cosine[at + TURN + i], sine[at + TURN + i]
                     bx, by = rover[P_OFFSET + 2 * i], rover[P_OFFSET + 2 * i + 1]
                     fx, fy, fz = rover[P_HUB + 3 * i] + bx, rover[P_HUB + 3 * i + 1] + by, rover[P_HUB + 3 * i + 2]
-                    if steers[i]:  # about an axis upright in its link, through a point at the hub's height
-                        _turn(block, lane, i, STEERING, ox + cl * fx + sl * fz, oy + fy, oz - sl * fx + cl * fz, -sl, 0.0, -cl)
+                    # the steering axis, upright in its link, goes through the point s at the hub's height
+                    sx, sy, sz = ox + cl * fx + sl * fz, oy + fy, oz - sl * fx + cl * fz
+                    turns = 1.0 if steers[i] else 0.0
+                    wx, wz = 0.0 - sl * turns, 0.0 - cl * turns
                     fx, fy = fx - cs * bx + ss * by, fy - ss * bx - cs * by
                     hx, hy, hz = ox + cl * fx + sl * fz, oy + fy, oz - sl * fx + cl * fz
                     cd, sd = cosine[at + TOUCH + i], sine[at + TOUCH + i]
@@ -117,13 +104,13 @@ def wheel_jacobians_batch(
                     xx, xy, xz = cd * ax - sd * sl, cd * ay, cd * az - sd * cl
                     zx, zy, zz = sd * ax + cd * sl, sd * ay, sd * az + cd * cl
                     r = rover[P_RADIUS + i]
-                    _slide(block, lane, i, WHEEL, r * xx, r * xy, r * xz)
-                    _slide(block, lane, i, ROLL_SLIP, xx, xy, xz)
-                    _slide(block, lane, i, SIDE_SLIP, yx, yy, yz)
-                    _turn(block, lane, i, TURN_SLIP, hx, hy, hz, zx, zy, zz)  # the contact's normal goes through the hub
-                    _turn(block, lane, i, CONTACT_ANGLE, hx, hy, hz, -yx, -yy, -yz)
+                    tx, ty, tz = hy * zz - hz * zy, hz * zx - hx * zz, hx * zy - hy * zx  # h × z, and h × -y
+                    ux, uy, uz = hz * yy - hy * yz, hx * yz - hz * yx, hy * yx - hx * yy
+                    _row(J, k, i, 0, pz * rate, lz, rz, sy * wz, r * xx, xx, yx, tx, ux)
+                    _row(J, k, i, 1, 0.0, 0.0, 0.0, sz * wx - sx * wz, r * xy, xy, yy, ty, uy)
+                    _row(J, k, i, 2, -px * rate, 0.0 - lx, 0.0 - rx, -sy * wx, r * xz, xz, yz, tz, uz)
+                    _row(J, k, i, 3, 0.0, 0.0, 0.0, wx, 0.0, 0.0, 0.0, zx, -yx)
+                    _row(J, k, i, 4, -rate, 0.0 - left, 0.0 - right, 0.0, 0.0, 0.0, 0.0, zy, -yy)
+                    _row(J, k, i, 5, 0.0, 0.0, 0.0, wz, 0.0, 0.0, 0.0, zz, -yz)
                     if frames.shape[0] > 0:
                         _frame(frames, k, i, ax, ay, az, yx, yy, yz, sl, cl, hx, hy, hz)
-        for lane in range(count):
-            for e in range(324):
-                out[first + lane, e] = rows[lane, e]
