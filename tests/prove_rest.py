@@ -22,7 +22,10 @@ def main(poses: int) -> None:
         ):
             a = compare(car, ground, poses, seed=5)
             rms = np.degrees(np.sqrt((a.angles**2).mean(axis=0)))
-            shares = f"alike {a.share:7.2%}, a rest of both {a.share_of_rests:7.2%} of {poses}"
+            left = poses - len(a.z) - a.marginal
+            shares = (
+                f"alike {a.share:7.2%} of {poses}, else {a.marginal} marginal, {left} not; a rest of both {a.share_of_rests:7.2%}"
+            )
             kinds = f"{a.lifted} with a wheel in the air, {a.stopped} on a stop"
             angles = "roll {:.4f} pitch {:.4f} rocker {:.4f} bogies {:.4f} {:.4f} deg".format(*rms)
             z = 1e3 * np.sqrt((a.z**2).mean())

@@ -17,7 +17,12 @@ from rockerbogie import Rover, Terrain, wheel_frames
 from rockerbogie.frames import ON_BOGIE, WHEEL_SIDE
 from rockerbogie.mjcf import add_mechanism, add_terrain, default_cell, empty_spec, ground_contact
 
-SHAPES = {"plane": mujoco.mjtGeom.mjGEOM_PLANE, "box": mujoco.mjtGeom.mjGEOM_BOX, "ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID}
+SHAPES = {
+    "plane": mujoco.mjtGeom.mjGEOM_PLANE,
+    "box": mujoco.mjtGeom.mjGEOM_BOX,
+    "ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+    "mesh": mujoco.mjtGeom.mjGEOM_MESH,
+}
 JOINTS = ("z", "pitch", "roll", "rocker_left", "rocker_right", "bogie_left", "bogie_right")
 STOPPED = ("rocker_left", "bogie_left", "bogie_right")
 TIMESTEP = 0.004
@@ -27,6 +32,9 @@ SOLIMP = (0.99, 0.999, 0.001, 0.5, 2.0)
 DAMPING = 8.0
 #: Let down from this far above the ground, m; judged at rest over so many steps.
 CLEAR, BLOCK = 0.003, 10
+#: On the way down damping is so many times greater, lest it swings past a rest, until nothing moves by more than the second
+#: (rad, m) from one block of steps to the next, or for that many steps.
+SLOWLY, CALM, LONG = 5.0, 2e-5, 1500
 SKY = 1e3  # m: rays that feel for the ground start here
 #: A wheel that bears less than this share of the weight hangs.
 HANGS = 1e-6
@@ -72,8 +80,12 @@ class DropTower:
         if isinstance(ground, Terrain):
             add_terrain(spec, ground, None, cell or default_cell(rover, ground))
         else:
-            for geom in ground:
-                spec.worldbody.add_geom(**{**geom, "type": SHAPES[geom["type"]]}, **ground_contact())
+            for k, geom in enumerate(ground):
+                given = {**geom, "type": SHAPES[geom["type"]]}
+                if "vertices" in given:
+                    spec.add_mesh(name=f"solid_{k}", uservert=np.ravel(given.pop("vertices")))
+                    given["meshname"] = f"solid_{k}"
+                spec.worldbody.add_geom(**given, **ground_contact())
         base = spec.worldbody.add_body(name="body")
         base.add_joint(name="z", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
         base.add_joint(name="pitch", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0])
@@ -88,7 +100,7 @@ class DropTower:
         mujoco.mj_forward(model, data)
         inertia = np.zeros((model.nv, model.nv))
         mujoco.mj_fullM(model, data, inertia)
-        model.dof_damping[:] = DAMPING * np.diag(inertia)
+        self._damping = DAMPING * np.diag(inertia)
         self._joint = [int(model.joint(name).qposadr[0]) for name in JOINTS]
         self._stopped = np.array([model.joint(name).id for name in STOPPED])
         self._geoms = np.array([model.geom(name).id for name in touching])
@@ -121,6 +133,14 @@ class DropTower:
         else:
             z, roll, pitch, rocker, left, right = start
             data.qpos[self._joint] = z, pitch, roll, rocker, float(self.rover.right_rocker(rocker)), left, right
+        slow = self._run(SLOWLY, CALM, LONG)[2] if start is None else 0
+        mean, residual, steps = self._run(1.0, tolerance, most_steps)
+        return self._rest(mean, residual, slow + steps)
+
+    def _run(self, damping: float, tolerance: float, most_steps: int) -> tuple[np.ndarray, float, int]:
+        """Means over the last block of steps, their greatest change since the one before, and the steps taken."""
+        model, data = self.model, self.data
+        model.dof_damping[:] = damping * self._damping
         mean, residual, steps = np.full(model.nq + 7, np.inf), np.inf, 0
         while residual > tolerance and steps < most_steps:
             total = np.zeros_like(mean)
@@ -130,7 +150,7 @@ class DropTower:
             before, mean = mean, total / BLOCK
             residual = float(np.abs(mean - before)[: model.nq].max())
             steps += BLOCK
-        return self._rest(mean, residual, steps)
+        return mean, residual, steps
 
     def _steer(self, steering: Sequence[float] | None) -> None:
         """Turn the braked wheels about their steering axes, by where their bodies are fixed."""

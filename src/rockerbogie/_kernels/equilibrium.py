@@ -1,10 +1,10 @@
 """The rover at rest: the least potential energy of its masses with no tread and no belly in the ground, joints in their stops.
 
 Lifting the body by h opens every gap by exactly h. So a pose is made to just touch by one shift of z, and what is left is
-to go down: a sequence of small quadratic programmes, each with every near contact of every wheel (not only the lowest),
-the belly's near places, the stops and a trust region. Energy falls at every step taken, as it does for a rover let down.
-Where a step would run into ground that the programme did not foresee (a kink: another slope of the same wheel), what it
-met joins the programme. Most often the six contacts of contact mode bear the rover already, and none is needed.
+to go down. Of several low places that is sought which the rover comes to when it is let down (`let_down`); from near
+there a sequence of small quadratic programmes finds it exactly, each with every near contact of every wheel (not only the
+lowest), the belly's near places, the stops and a trust region. Energy falls at every step taken. Where a step would run
+into ground that the programme did not foresee (a kink: another slope of the same wheel), what it met joins the programme.
 
 The forces are those of what touches, none below nought, that hold the weight best; if they fail to, the rover does not
 rest there and no pose is given. They are told over the rover's weight.
@@ -26,13 +26,12 @@ from .contact import (
     OFF_MAP,
     TIPPED,
     WHEEL_LIFTED,
-    settle_contact,
-    start_pose,
 )
 from .jit import njit
-from .linkage import P_STOPS, PITCH, ROCKER, ROLL, Z
+from .let_down import FALLEN, constrain, let_down
+from .linkage import P_STOPS, PITCH, ROCKER, ROLL, Z, stand
 from .mass import centre_of_mass
-from .near import LISTED, TOUCH, six_touch, touch_down
+from .near import LISTED, TOUCH, touch_down
 from .quadratic import invert, solve_qp
 from .tread import BLANK, FOUND, Ground
 from .work import Work
@@ -40,12 +39,10 @@ from .work import Work
 Array = NDArray[np.float64]
 
 MOST = 200  # programmes
-TRUST = 0.1  # first trust region, rad (and m)
+TRUST = 0.02  # first trust region, rad (and m)
 WIDEST = 0.3
-FALLEN = 1.3  # rad of roll or pitch beyond which the rover has tipped over
 ON_STOP = 1e-8  # rad
 STILL = 1e-3  # of the weight (times a metre): forces that leave more unheld do not hold the rover
-AT_REST = 1e-9  # as much as rounding leaves: six wheels that touch and push bear the rover, and no programme is needed
 DONE = 1e-11  # a programme that promises less than this has arrived (m of the centre of mass)
 CUTS = 24  # places met beyond a step that was not taken
 ROWS = LISTED + CUTS
@@ -71,46 +68,19 @@ def settle_equilibrium(
     bend, inverse, copy = np.zeros((6, 6)), np.empty((6, 6)), np.empty((6, 6))
     old_pull, pull, moved, bearing = np.empty(6), np.empty(6), np.empty(6), np.empty(7)
     report[:] = math.nan
-    # where six wheels touch within the stops, that is where to begin: most often it is the answer
-    code = settle_contact(ground, rover, x, y, cy, sy, q, work)
-    if code == OFF_MAP or code == NO_DATA:
-        return code
-    if code != CONVERGED:
-        start_pose(ground, rover, x, y, 0, q, work.touch)
-    elif six_touch(ground, rover, x, y, cy, sy, q, work, gap, rows, owner):
-        centre_of_mass(rover, feet, q, cy, sy, axes, knees, slope)
-        if bear(rover, q, slope, gap, rows, 6, inverse, n, b, d, force) < AT_REST:
-            return judge(rover, q, gap, owner, force, 6, report)
-    code, count = touch_down(ground, rover, x, y, cy, sy, q, True, work, gap, rows, owner)
+    code, count = let_down(ground, rover, x, y, cy, sy, q, work, gap, rows, owner, n, b)
     if code != FOUND:
         q[:] = math.nan
         return NO_DATA if code == BLANK else (OFF_MAP if code > 0 else TIPPED)
+    stand(rover, feet, x, y, cy, sy, q, axes, knees, work.wheels)
     height = q[Z] + centre_of_mass(rover, feet, q, cy, sy, axes, knees, slope)
     forget(bend)
     trust = TRUST
+    barred = FOUND  # whether unknown ground stood in the way
     cut_gap, cut_rows, cut_owner = np.empty(CUTS), np.empty((CUTS, 6)), np.empty(CUTS, np.int64)
     listed, cuts, far = count, 0, 0.0
     for _ in range(MOST):
-        m = count
-        for k in range(count):
-            for j in range(6):
-                n[k, j] = rows[k, j]
-            b[k] = -gap[k]
-        for k in range(3):
-            at = P_STOPS if k == 0 else P_STOPS + 2
-            for end in range(2):
-                if math.isfinite(rover[at + end]):
-                    n[m] = 0.0
-                    sign = 1.0 if end == 0 else -1.0
-                    n[m, ROCKER + k] = sign
-                    b[m] = sign * (rover[at + end] - q[ROCKER + k])
-                    m += 1
-        for k in range(6):
-            for end in range(2):
-                n[m] = 0.0
-                n[m, k] = 1.0 if end == 0 else -1.0
-                b[m] = -trust
-                m += 1
+        m = constrain(rover, q, gap, rows, count, trust, n, b)
         copy[:] = bend
         if not (invert(copy, inverse) and solve_qp(inverse, slope, n, b, m, d, force)):
             forget(bend)  # the curvature learnt is spoilt
@@ -153,7 +123,9 @@ def settle_equilibrium(
         for j in range(count):
             bearing[owner[j]] += force[j]
         code, _ = touch_down(ground, rover, x, y, cy, sy, trial, False, work, gap, rows, owner)
-        if code == FOUND:
+        if code != FOUND:
+            barred = code
+        else:
             new = trial[Z] + centre_of_mass(rover, feet, trial, cy, sy, axes, knees, pull)
         if code != FOUND or not new < low_before - 1e-4 * promise + 1e-15:
             before = cuts
@@ -203,7 +175,7 @@ def settle_equilibrium(
                     pull[k] -= bearing[i] * rows[first, k]
         learn(bend, moved, pull, old_pull)
     q[:] = math.nan
-    return NOT_CONVERGED
+    return NO_DATA if barred == BLANK else (OFF_MAP if barred > 0 else NOT_CONVERGED)
 
 
 @njit

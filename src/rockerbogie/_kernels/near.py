@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .jit import njit
-from .linkage import P_BOX, Z, slope_row, stand
+from .linkage import P_BOX, P_RADIUS, Z, slope_row, stand
 from .tread import FOUND, ROOM, Ground, least_gap
 from .underside import N_GAP, N_GX, N_GY, N_X, N_Y, N_Z, NEAR_ROOM, NEAR_SIZE, box_over_ground
 from .wheel import COSINE, GAP, HX, HY, HZ, PLACE, RADIUS, SIN, contact_slope, tread_point
@@ -17,7 +17,7 @@ from .work import Work
 Array = NDArray[np.float64]
 
 TOUCH = 1e-6  # a gap below this is contact, m
-NEAR = 0.04  # places whose gap exceeds a wheel's least by up to this are listed, m
+NEAR = 0.05  # of the smallest wheel's radius: places whose gap exceeds a wheel's least by up to this are listed
 LISTED = 6 * (ROOM + 1) + NEAR_ROOM  # how many there may be
 
 
@@ -34,10 +34,13 @@ def touch_down(
     if not stand(rover, work.feet, x, y, cy, sy, q, axes, knees, wheels):
         return -1, 0
     count = 0
-    least = math.inf
+    least = margin = math.inf
+    for i in range(6):
+        margin = min(margin, NEAR * rover[P_RADIUS + i])
     for i in range(6):
         w = wheels[i]
-        code, kept = least_gap(ground, w, 0.0, 1.0, 0.0, True, -math.inf, best, work.none, work)
+        t = work.touch[i]
+        code, kept = least_gap(ground, w, t[SIN], t[COSINE], t[PLACE], True, -math.inf, best, work.none, work)
         if code != FOUND:
             return code, 0
         least = min(least, best[GAP])
@@ -45,7 +48,8 @@ def touch_down(
             continue
         low = best[GAP]
         sine, cosine, place = best[SIN], best[COSINE], best[PLACE]
-        code, kept = least_gap(ground, w, sine, cosine, place, True, low + NEAR, best, found, work)
+        t[SIN], t[COSINE], t[PLACE] = sine, cosine, place
+        code, kept = least_gap(ground, w, sine, cosine, place, True, low + margin, best, found, work)
         first = count
         for k in range(-1, kept):
             if k < 0:
@@ -67,7 +71,7 @@ def touch_down(
                 same |= alike < 1e-9
             if not same:
                 count += 1
-    n = box_over_ground(ground, rover[P_BOX : P_BOX + 6], axes, x, y, q[Z], NEAR, near)
+    n = box_over_ground(ground, rover[P_BOX : P_BOX + 6], axes, x, y, q[Z], margin, near)
     if n < 0:
         return -n, 0
     for k in range(n):
@@ -95,22 +99,3 @@ def touch_down(
     for k in range(count):
         gap[k] -= least
     return FOUND, count
-
-
-@njit
-def six_touch(
-    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, work: Work,
-    gap: Array, rows: Array, owner: NDArray[np.int64],
-) -> bool:  # fmt: skip
-    """List the six contacts that `settle_contact` left, as `touch_down` does; false if the belly is in the ground."""
-    grid, _, meta = ground
-    axes, knees, wheels = work.axes, work.knees, work.wheels
-    stand(rover, work.feet, x, y, cy, sy, q, axes, knees, wheels)
-    for i in range(6):
-        w, t = wheels[i], work.touch[i]
-        px, py, pz = tread_point(w, t[SIN], t[COSINE], t[PLACE])
-        gx, gy = contact_slope(grid, meta, w, t[SIN], t[COSINE], t[PLACE])
-        slope_row(rover, q, cy, sy, axes, knees, i, w[HX] - x + px, w[HY] - y + py, w[HZ] - q[Z] + pz, gx, gy, rows[i])
-        gap[i], owner[i] = t[GAP], i
-    near = np.empty((1, NEAR_SIZE))
-    return box_over_ground(ground, rover[P_BOX : P_BOX + 6], axes, x, y, q[Z], 0.0, near) > 0 and near[0, N_GAP] > TOUCH
