@@ -51,7 +51,7 @@ def tables(figures: Mapping[str, Any], before: Mapping[str, float] | None = None
         ratios.append(("before", lambda c: f"{before[c['name']]:,.0f}" if c["name"] in before else "-"))
     return [
         _of(cases, "µs a pose on one thread: mean, groups of 16, along a path; thousand poses/s", times),
-        _of(cases, "worst gap of converged poses, m; share of them within 1e-9 and 1e-6 m; threads over one", quality),
+        _of(cases, "worst gap of converged poses, m; share within 1e-9, 1e-6 m; threads over one", quality),
         _of(cases, "a baseline's time over ours (*: it fails at most places)", ratios),
         *_growth(figures["growth"]),
         Table("and besides", ["what", "figure"], _besides(figures)),
