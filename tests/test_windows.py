@@ -11,8 +11,8 @@ import pytest
 import rockerbogie as rb
 from helpers import paper_rover
 from rockerbogie import spline
-from rockerbogie._kernels import ground
-from rockerbogie.maps.ground import InMemory, Span, nodes_under, reach
+from rockerbogie.maps import ground as filed_ground
+from rockerbogie.maps.ground import Span, hold_ground, nodes_under, open_ground, reach
 from rockerbogie.terrain import Terrain, Whole, cut, lay, nodes_needed
 
 KINDS = ("linear", "cubic")
@@ -31,13 +31,6 @@ def heights(holes: bool, shape: tuple[int, int] = SHAPE) -> np.ndarray:
     return z
 
 
-def whole_of(terrain: Terrain) -> Whole:
-    """What a window's maker knows of the map, from the terrain that is all of it."""
-    level, bend = terrain.meta[[ground.META_Z, ground.META_BEND]]
-    rows, cols = terrain.z.shape
-    return Whole((rows, cols), terrain.spacing, terrain.origin, terrain.interpolation, terrain.crs, terrain.name, level, bend)
-
-
 def window_of(z: np.ndarray, rows: Span, cols: Span, whole: Whole) -> Terrain:
     """A window laid out of no heights but those it says it needs."""
     (r0, r1), (c0, c1) = (nodes_needed(*s, n, whole.interpolation) for s, n in zip((rows, cols), whole.shape, strict=True))
@@ -54,7 +47,7 @@ def same(a: Any, b: Any) -> bool:
 def test_ground_laid_in_windows_is_the_whole_grounds(kind: Any, holes: bool) -> None:
     z = heights(holes)
     terrain = Terrain.from_array(z, STEP, ORIGIN, kind)
-    whole = whole_of(terrain)
+    whole = hold_ground(terrain).whole
     assert np.isfinite(whole.bend or 0) == (kind == "cubic" and not holes)
     spans = [(0, 2), (0, 100), (250, 262), (255, 257), (256, 512), (100, 590), (588, 590)]
     for rows in [*spans, (618, 620), (0, 620)]:
@@ -71,7 +64,7 @@ def test_ground_laid_in_windows_is_the_whole_grounds(kind: Any, holes: bool) -> 
 def test_poses_in_a_window_are_the_whole_maps(kind: Any, holes: bool, mode: Any) -> None:
     z, rover = heights(holes), paper_rover()
     terrain = Terrain.from_array(z, STEP, ORIGIN, kind)
-    whole, far = whole_of(terrain), reach(rover)
+    whole, far = hold_ground(terrain).whole, reach(rover)
     rng = np.random.default_rng(1)
     n = 60 if mode == "contact" else 15
     seen = set()
@@ -83,7 +76,7 @@ def test_poses_in_a_window_are_the_whole_maps(kind: Any, holes: bool, mode: Any)
         cols = nodes_under(x.min(), x.max(), ORIGIN[0], STEP[0], SHAPE[1], far)
         here = rb.settle(rover, terrain, x, y, yaw, mode=mode)
         seen |= set(here.status.tolist())
-        for window in (window_of(z, rows, cols, whole), InMemory(terrain).sent(rows, cols).window(rows, cols)):
+        for window in (window_of(z, rows, cols, whole), hold_ground(terrain).sent(rows, cols).window(rows, cols)):
             assert window.grid.nbytes < terrain.grid.nbytes / 4
             there = rb.settle(rover, window, x, y, yaw, mode=mode)
             assert same(there.q, here.q)
@@ -153,16 +146,16 @@ def test_what_lies_beyond_the_margin_weighs_nothing() -> None:
     assert np.abs(terrain.height(at[:, 1], at[:, 0]) - exact).max() < 1e-12
 
 
-def test_a_file_read_in_windows_is_the_file_read_whole(data: Callable[[str], Any]) -> None:
+def test_a_file_read_in_windows_is_the_file_read_whole(data: Callable[[str], Any], monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("rasterio", reason="needs the geo extra")
-    from rockerbogie.maps.ground import open_ground
-
     path = data("perseverance/site78.tif")
+    monkeypatch.setattr(filed_ground, "BAND", 10_000)  # 19 rows of it at once
+    monkeypatch.setattr(filed_ground, "BLOCK", 200)
     for kind in KINDS:
         terrain = Terrain.from_raster(path, interpolation=kind)  # type: ignore[arg-type]
         filed = open_ground(path, 1, kind)  # type: ignore[arg-type]
-        assert filed.whole == whole_of(terrain)._replace(bend=filed.whole.bend)
-        assert filed.digest() == InMemory(terrain).digest()
+        assert filed.whole == hold_ground(terrain).whole
+        assert filed.digest() == hold_ground(terrain).digest()
         for rows, cols in (((0, 90), (200, 300)), ((240, 270), (500, 513))):
             for name in ("z", "grid", "roof", "meta"):
                 assert same(getattr(filed.window(rows, cols), name), getattr(cut(terrain, rows, cols), name))

@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from .. import spline
+from .._kernels.ground import META_BEND, META_Z
 from ..errors import TerrainError
 from ..raster import Raster, open_raster
 from ..rover import Rover
@@ -47,14 +48,8 @@ class Ground(Protocol):
 class InMemory:
     """A terrain."""
 
-    terrain: Terrain
-
-    @property
-    def whole(self) -> Whole:
-        """Its outline."""
-        t = self.terrain
-        rows, cols = t.z.shape
-        return Whole((rows, cols), t.spacing, t.origin, t.interpolation, t.crs, t.name, 0.0, None)
+    terrain: Terrain  # or a window of it, where that was sent
+    whole: Whole
 
     def window(self, rows: Span, cols: Span) -> Terrain:
         """All of it: that costs nothing."""
@@ -66,7 +61,7 @@ class InMemory:
 
     def sent(self, rows: Span, cols: Span) -> Ground:
         """The window, cut out."""
-        return InMemory(cut(self.terrain, rows, cols))
+        return InMemory(cut(self.terrain, rows, cols), self.whole)
 
     def digest(self) -> str:
         """SHA-256 of its heights."""
@@ -100,6 +95,14 @@ class InFile:
     def digest(self) -> str:
         """SHA-256 of its heights, as if they were in memory."""
         return self.heights
+
+
+def hold_ground(terrain: Terrain) -> InMemory:
+    """The ground of a terrain."""
+    level, bend = (float(terrain.meta[at]) for at in (META_Z, META_BEND))
+    rows, cols = terrain.z.shape
+    outline = ((rows, cols), terrain.spacing, terrain.origin, terrain.interpolation, terrain.crs, terrain.name)
+    return InMemory(terrain, Whole(*outline, level, bend))
 
 
 def open_ground(path: Path, band: int, interpolation: Interpolation) -> InFile:

@@ -116,11 +116,12 @@ def made_from(job: Job, ground: Ground) -> dict[str, Any]:
 
 @cache
 def numerics() -> str:
-    """What the numbers come from: the kernels, and what packs their ground."""
+    """What the numbers come from: the kernels, and what goes into and comes out of them."""
     here = Path(__file__).parents[1]
     kernels = [file for file in (here / "_kernels").glob("*.py") if file.name not in ("jacobians.py", "picture.py")]
     digest = hashlib.sha256()
-    for file in sorted([*kernels, here / "spline.py", here / "terrain.py"]):
+    others = ("spline", "terrain", "settle", "pose", "maps/cells", "maps/ground", "maps/limits", "maps/tile")
+    for file in sorted([*kernels, *(here / f"{name}.py" for name in others)]):
         digest.update(file.read_bytes())
     return digest.hexdigest()
 

@@ -18,7 +18,7 @@ from ..rover import LOAD_ROVER, Rover
 from ..settle import Mode
 from ..terrain import Interpolation, Terrain
 from .cells import TILE, Tile, cells_over
-from .ground import Ground, InMemory, open_ground
+from .ground import Ground, hold_ground, open_ground
 from .layers import LAYERS, chosen_layers, dataset
 from .limits import Limits
 from .run import Memory, Progress, in_threads, on_cluster
@@ -156,7 +156,7 @@ class _Count:
 
 def _ground(terrain: Terrain | str | Path, band: int, interpolation: Interpolation) -> Ground:
     if isinstance(terrain, Terrain):
-        return InMemory(terrain)
+        return hold_ground(terrain)
     if not isinstance(terrain, (str, Path)):
         raise RockerbogieError(f"terrain is {terrain!r:.60}: give a Terrain, or the path of a raster")
     if interpolation not in ("cubic", "linear"):
