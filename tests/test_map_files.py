@@ -274,6 +274,18 @@ def test_a_failed_write_leaves_the_old_map(
     assert [p.name for p in tmp_path.iterdir()] == [file.name]
 
 
+def test_a_map_of_some_layers(drawn: xr.Dataset, tmp_path: Path) -> None:
+    some = drawn[["tilt", "exceeded"]]
+    back = read_map(write_map(some, tmp_path / "map.nc"))
+    assert (rb.plan(back, *far_apart(drawn)).cost == rb.plan(drawn, *far_apart(drawn)).cost).all()
+    with pytest.raises(rb.RockerbogieError, match="without its layer 'passable'"):
+        overview(back)
+    with pytest.raises(rb.RockerbogieError, match="no layer|traversability made"):
+        rb.plan(drawn[["roll"]], *far_apart(drawn))
+    with pytest.raises(rb.RockerbogieError, match="maps is .*traversability"):
+        write_map(tmp_path, tmp_path / "map.nc")  # type: ignore[arg-type]
+
+
 def test_netcdf_is_not_begun_where_it_may_not_fit(drawn: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("shutil.disk_usage", lambda path: shutil._ntuple_diskusage(10**9, 10**9 - 1000, 1000))
     with pytest.raises(rb.RockerbogieError, match=r"it may take 0\.0\d+ GB, and 1e-06 GB are free"):

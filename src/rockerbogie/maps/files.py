@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import RockerbogieError
+from ..errors import RockerbogieError, expect
 from .layers import LAYERS
 
 if TYPE_CHECKING:
@@ -58,11 +58,15 @@ def write_map(maps: xr.Dataset, file: str | Path, *, per_heading: bool = False, 
         progress: called with the share done, 0 to 1.
 
     Raises:
-        RockerbogieError: another ending, a place that cannot be written, rasterio or zarr not installed.
+        RockerbogieError: another ending, a place that cannot be written, a disk that is full (what was there before is
+            left), rasterio or zarr not installed.
     """
+    import xarray as xr
+
     path = Path(file)
     kind = path.suffix.lower()
     check_place(path)
+    expect(maps, xr.Dataset, "maps", "give the Dataset of rockerbogie.traversability")
     tell = progress or (lambda share: None)
     maps = _ordered(maps)
     partial = path.with_name(f".{path.stem}.{uuid.uuid4().hex[:8]}{kind}")
@@ -122,8 +126,10 @@ def read_map(file: str | Path) -> xr.Dataset:
         raise RockerbogieError(f"reading {path.suffix} needs more packages ({error}): pip install 'rockerbogie[scale]'") from None
     except (OSError, ValueError, KeyError) as error:
         raise RockerbogieError(f"{str(file)!r} cannot be read as {path.suffix}: {' '.join(str(error).split())}") from None
-    if FIRST not in maps:
-        raise RockerbogieError(f"{str(file)!r} is no map of where a rover can go: it has no layer {FIRST!r}")
+    if not LAYERS.keys() & set(maps.data_vars):
+        raise RockerbogieError(
+            f"{str(file)!r} is no map of where a rover can go: it has no layer {FIRST!r}, nor another of one's"
+        )
     return maps
 
 

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import RockerbogieError
 from ..raster import open_raster
 from ..terrain import Terrain
-from .files import pieces
+from .files import FIRST, pieces
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -52,7 +53,14 @@ def overview(maps: xr.Dataset, ground: Terrain | str | Path | None = None, most:
     """Every k-th cell of a map's summaries, in memory, so that at most `most` lie along a side.
 
     With ground (a terrain, or a raster file, which is read in strips) they come with its height there, as `ground`.
+
+    Raises:
+        RockerbogieError: a map without `passable`, by which it is coloured.
     """
+    if FIRST not in maps:
+        raise RockerbogieError(
+            f"the map was made without its layer {FIRST!r}, by which a picture is coloured: leave the picture out"
+        )
     k = -(-max(maps.sizes["y"], maps.sizes["x"]) // most)
     flat = maps.drop_vars([name for name, v in maps.data_vars.items() if set(v.dims) != {"y", "x"}])
     small = flat.isel(y=slice(k // 2, None, k), x=slice(k // 2, None, k)).load()
