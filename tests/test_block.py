@@ -95,7 +95,7 @@ def test_least_is_said_only_where_it_is_so(seed: int) -> None:
             at, low = phi[gap.argmin()], gap.min()
             w[wheel.HZ] = hub[2] - terrain.meta[2] - low  # let down till this place touches
             work = lay_out(np.zeros(WORK_SIZE))
-            verdict = proof.is_least(terrain.packed, w, math.sin(at), math.cos(at), place, work)
+            verdict = proof.is_least(terrain.packed, w, math.sin(at), math.cos(at), place, work.best, work.none)
             if verdict != proof.LEAST:
                 continue
             said += 1

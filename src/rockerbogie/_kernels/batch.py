@@ -133,7 +133,7 @@ def touch_batch(
             continue
         for i in range(6):
             w = wheels[i]
-            code, kept = least_gap(land, w, 0.0, 1.0, 0.0, True, keep, best, found, work)
+            code, kept = least_gap(land, w, 0.0, 1.0, 0.0, True, keep, best, found)
             if code != FOUND:
                 continue
             gap[k, i] = best[GAP]

@@ -71,7 +71,7 @@ def prove(S: Array, ground: Ground, rover: Array, l: int, work: Work) -> int:
         if abs(gap_at(ground[0], ground[2], w, sine, cosine, place)) > TOLERANCE:
             verdict = LOWER  # one step more
             continue
-        of_wheel = is_least(ground, w, sine, cosine, place, work)
+        of_wheel = is_least(ground, w, sine, cosine, place, best, work.none)
         if of_wheel == UNKNOWN:
             return UNKNOWN
         if of_wheel == LOWER:

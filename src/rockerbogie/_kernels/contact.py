@@ -108,7 +108,7 @@ def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: floa
         worst = 0.0
         for i in range(6):
             t = touch[i]
-            code, _ = least_gap(ground, wheels[i], t[SIN], t[COSINE], t[PLACE], whole, -math.inf, t, work.none, work)
+            code, _ = least_gap(ground, wheels[i], t[SIN], t[COSINE], t[PLACE], whole, -math.inf, t, work.none)
             if code != FOUND:
                 return code
             worst = max(worst, abs(t[GAP]))
@@ -117,7 +117,7 @@ def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: floa
                 return FOUND
             whole = True  # settled on the contacts followed: is there a lower one anywhere on the treads?
             continue
-        whole = it >= FOLLOW
+        whole = it >= FOLLOWED or worst < NEARLY
         for i in range(6):
             t, w = touch[i], wheels[i]
             px, py, pz = tread_point(w, t[SIN], t[COSINE], t[PLACE])
@@ -134,7 +134,8 @@ def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: floa
 CONVERGED, OFF_MAP, NO_DATA, JOINT_STOP, NOT_CONVERGED, WHEEL_LIFTED, BELLY_CONTACT, TIPPED = range(8)
 TOLERANCE = 1e-10  # of every gap, m
 STEPS = 18  # Newton needs three on smooth ground, five on rough; a cycle between two rocks shows by then
-FOLLOW = 8  # steps in which contacts are followed; from then on they are sought anew each time
+NEARLY = 1e-5  # m: gaps below which Newton is as good as done
+FOLLOWED = 8  # steps in which contacts are followed; from then on they are sought anew each time
 STARTS = 32
 STRAYED = 3  # starts that may leave the known ground before the place itself is said to be off it
 STRIDE = 0.3  # rad, the longest step

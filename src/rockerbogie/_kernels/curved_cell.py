@@ -11,13 +11,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .flat_cell import ENDS, HAIR, rim_over_cell
+from .flat_cell import HAIR, HALVES, ends_of, rim_over_cell
 from .ground import META_DX, META_DY, surface
 from .jit import inlined, njit
 from .wheel import (
     AX,
     AY,
     AZ,
+    BENDS,
     COS,
     COSINE,
     EX,
@@ -97,9 +98,10 @@ def cell_bends(grid: Array, i: int, j: int, dx: float, dy: float, bends: Array) 
 @njit
 def search_curved_cell(
     grid: Array, meta: Array, w: Array, i: int, j: int, x0: float, x1: float, y0: float, y1: float,
-    bends: Array, ends: Array, best: Array, keep: float, found: Array, count: int,
+    best: Array, keep: float, found: Array, count: int,
 ) -> int:  # fmt: skip
     """Note the local minima of the gap over the part x0..x1, y0..y1 (from the hub) of cell (i, j); -1 if it is unknown."""
+    bends, ends = w[BENDS : BENDS + BENDS_SIZE], ends_of(w)
     if not cell_bends(grid, i, j, meta[META_DX], meta[META_DY], bends):
         return -1
     half = w[HALF]
@@ -117,7 +119,7 @@ def search_curved_cell(
                 break
             n = rim_over_cell(w, s, x0, x1, y0, y1, sign, ends)
             for k in range(n):
-                at = ENDS + 2 * k
+                at = HALVES + 2 * k
                 low = math.atan2(ends[at, 0], ends[at, 1])
                 high = math.atan2(ends[at + 1, 0], ends[at + 1, 1])
                 if high < low:

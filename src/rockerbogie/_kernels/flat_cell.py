@@ -11,47 +11,86 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .jit import njit
-from .wheel import AX, AY, AZ, COS, EX, EY, GAP, HALF, HZ, RADIUS, TAN, UX, UY, UZ, VX, VY, note, tread_point
+from .jit import inlined, njit, welded
+from .wheel import (
+    AX,
+    AY,
+    AZ,
+    BENDS,
+    CELL,
+    COS,
+    ENDS,
+    EX,
+    EY,
+    GAP,
+    HALF,
+    HZ,
+    PLACE,
+    PLANE,
+    RADIUS,
+    TAN,
+    UX,
+    UY,
+    UZ,
+    VX,
+    VY,
+    note,
+    tread_point,
+)
 
 Array = NDArray[np.float64]
 
 HAIR = 1e-10  # of a cell: more than rounding, and nothing to the gap
+TIE = 1e-12  # m: a gap lower by less is not looked for
 
 
-@njit
+@welded
 def search_flat_cell(
-    w: Array, a: float, b: float, d: float, e: float, x0: float, y0: float, dx: float, dy: float,
-    c: Array, ends: Array, best: Array, keep: float, found: Array, count: int,
+    w: Array, a: float, b: float, d: float, e: float, x0: float, y0: float, dx: float, dy: float, follow: bool,
+    best: Array, keep: float, found: Array, count: int,
 ) -> int:  # fmt: skip
-    """Note the local minima of the gap over the cell whose low corner is (x0, y0) from the hub; corners a b / d e."""
+    """Note the local minima of the gap over the cell whose low corner is (x0, y0) from the hub; corners a b / d e.
+
+    No tread lies below the plane of `tangent_plane`. To `follow` a contact, only its own rim is searched, or what lies
+    inside the tread.
+    """
     sx, sy, twist = (b - a) / dx, (d - a) / dy, (a - b - d + e) / (dx * dy)
-    c[3] = twist
-    c[1], c[2] = sx - twist * y0, sy - twist * x0
-    c[0] = a - sx * x0 - sy * y0 + twist * x0 * y0
+    w[CELL + 3] = twist
+    w[CELL + 1], w[CELL + 2] = sx - twist * y0, sy - twist * x0
+    w[CELL] = a - sx * x0 - sy * y0 + twist * x0 * y0
     x1, y1 = x0 + dx, y0 + dy
     top = max(max(a, b), max(d, e))
     half = w[HALF]
-    if half == 0.0:
-        return _rim(w, c, 0.0, x0, x1, y0, y1, top, ends, best, keep, found, count)
-    count = _edge(w, x0, y0, 1.0, 0.0, dx, a, sx, best, keep, found, count)
-    count = _edge(w, x0, y0, 0.0, 1.0, dy, a, sy, best, keep, found, count)
-    count = _edge(w, x0, y1, 1.0, 0.0, dx, d, (e - d) / dx, best, keep, found, count)
-    count = _edge(w, x1, y0, 0.0, 1.0, dy, b, (e - b) / dy, best, keep, found, count)
-    count = _inside(w, c, x0, x1, y0, y1, best, keep, found, count)
-    if w[HZ] - half * abs(w[AZ]) - top < max(best[GAP], keep):
-        # ground as high as the axle: the tread's upper side, hollow from below, may come nearest it over a corner
-        count = _inside_tread(w, -1.0, x0, y0, a, best, keep, found, count)
-        count = _inside_tread(w, -1.0, x1, y0, b, best, keep, found, count)
-        count = _inside_tread(w, -1.0, x0, y1, d, best, keep, found, count)
-        count = _inside_tread(w, -1.0, x1, y1, e, best, keep, found, count)
+    one_rim = half == 0.0 or (follow and abs(best[PLACE]) == half)
+    if not one_rim:
+        low = w[PLANE] + w[PLANE + 1] * x0 + w[PLANE + 2] * y0
+        pa, pb, pd = low - a, low + w[PLANE + 1] * dx - b, low + w[PLANE + 2] * dy - d
+        pe = low + w[PLANE + 1] * dx + w[PLANE + 2] * dy - e
+        limit = max(best[GAP] - TIE, keep)
+        if min(pa, pb) < limit:
+            count = _edge(w, x0, y0, 1.0, 0.0, dx, a, sx, best, keep, found, count)
+        if min(pa, pd) < limit:
+            count = _edge(w, x0, y0, 0.0, 1.0, dy, a, sy, best, keep, found, count)
+        if min(pd, pe) < limit:
+            count = _edge(w, x0, y1, 1.0, 0.0, dx, d, (e - d) / dx, best, keep, found, count)
+        if min(pb, pe) < limit:
+            count = _edge(w, x1, y0, 0.0, 1.0, dy, b, (e - b) / dy, best, keep, found, count)
+        count = _inside(w, x0, x1, y0, y1, best, keep, found, count)
+        if follow:
+            return count
+        if w[HZ] - half * abs(w[AZ]) - top < max(best[GAP], keep):
+            # ground as high as the axle: the tread's upper side, hollow from below, may come nearest it over a corner
+            count = _inside_tread(w, -1.0, x0, y0, a, best, keep, found, count)
+            count = _inside_tread(w, -1.0, x1, y0, b, best, keep, found, count)
+            count = _inside_tread(w, -1.0, x0, y1, d, best, keep, found, count)
+            count = _inside_tread(w, -1.0, x1, y1, e, best, keep, found, count)
     # a rim matters where it passes over the cell
     middle = (x0 + 0.5 * dx) * w[VX] + (y0 + 0.5 * dy) * w[VY]
     near = 0.5 * (dx * abs(w[VX]) + dy * abs(w[VY])) + w[RADIUS] * abs(w[AZ]) + HAIR * (dx + dy)
-    for side in range(2):
-        s = half if side == 0 else -half
+    for side in range(1 if one_rim else 2):
+        s = best[PLACE] if one_rim else (half if side == 0 else -half)
         if abs(s * w[COS] - middle) <= near:
-            count = _rim(w, c, s, x0, x1, y0, y1, top, ends, best, keep, found, count)
+            count = _rim(w, s, x0, x1, y0, y1, top, best, keep, found, count)
     return count
 
 
@@ -95,15 +134,20 @@ def rim_over_cell(
         ms, mc = middle(ls, lc, rs, rc, sign)
         x, y, _ = tread_point(w, ms, mc, s)
         if x0 - slack <= x <= x1 + slack and y0 - slack <= y <= y1 + slack:
-            at = ENDS + 2 * pieces
+            at = HALVES + 2 * pieces
             ends[at, 0], ends[at, 1], ends[at + 1, 0], ends[at + 1, 1] = ls, lc, rs, rc
             pieces += 1
         ls, lc = rs, rc
     return pieces
 
 
-ENDS = 10  # crossings of one half of a rim with four lines, and its two ends
-ENDS_SIZE = ENDS + 2 * (ENDS - 1)
+HALVES = 10  # crossings of one half of a rim with four lines, and its two ends
+
+
+@inlined
+def ends_of(w: Array) -> Array:
+    """The wheel's room for `rim_over_cell`: HALVES crossings, and the ends of as many pieces less one."""
+    return w[ENDS:BENDS].reshape(HALVES + 2 * (HALVES - 1), 2)
 
 
 @njit
@@ -116,80 +160,129 @@ def middle(ls: float, lc: float, rs: float, rc: float, sign: float) -> tuple[flo
     return s / size, c / size
 
 
-@njit
+@welded
 def _rim(
-    w: Array, c: Array, s: float, x0: float, x1: float, y0: float, y1: float, top: float,
-    ends: Array, best: Array, keep: float, found: Array, count: int,
+    w: Array, s: float, x0: float, x1: float, y0: float, y1: float, top: float,
+    best: Array, keep: float, found: Array, count: int,
 ) -> int:  # fmt: skip
     """Local minima of the rim at s over the cell.
 
-    Over u the rim's height above the ground is hollow, f_uu > 0, where (e3 z) - grad h · (e3 xy) exceeds what the twist can
-    take away. Where that cannot be said a piece may have two minima: it is quartered.
+    Over u the rim's height above the ground is hollow where (e3 z) - grad h · (e3 xy) exceeds what the twist can take away:
+    then its lower half has one least place over the cell's surface, and what lies outside the cell has its least where the
+    rim crosses the cell's sides. Where that cannot be said a piece may have two minima: it is quartered.
     """
-    gx, gy = c[1] + 0.5 * c[3] * (y0 + y1), c[2] + 0.5 * c[3] * (x0 + x1)
-    hollow = w[UZ] - gx * w[UX] - gy * w[UY] > 3.5 * abs(c[3]) * w[RADIUS]
+    gx, gy = w[CELL + 1] + w[CELL + 3] * s * w[AY], w[CELL + 2] + w[CELL + 3] * s * w[AX]
+    lean = abs(w[AZ])
+    hollow = w[UZ] - gx * w[UX] - gy * w[UY] > w[RADIUS] * (
+        max(2.0 * w[CELL + 3] * w[EX] * w[EY], 0.0) + abs(w[CELL + 3]) * lean * (3.0 + lean)
+    )
+    if hollow:
+        kept = _hollow_rim(w, s, x0, x1, y0, y1, best, keep, found, count)
+        hollow = kept >= 0
+        count = max(count, kept)
+    ends = ends_of(w)
     for half_turn in range(2):
         sign = 1.0 if half_turn == 0 else -1.0
+        if hollow and sign > 0.0:
+            continue
         if sign < 0.0 and w[HZ] + s * w[AZ] - top >= max(best[GAP], keep):
             break  # the rim's upper half stays above this ground
         n = rim_over_cell(w, s, x0, x1, y0, y1, sign, ends)
         for i in range(n):
-            ls, lc, rs, rc = ends[ENDS + 2 * i, 0], ends[ENDS + 2 * i, 1], ends[ENDS + 2 * i + 1, 0], ends[ENDS + 2 * i + 1, 1]
-            if sign < 0.0 or not hollow:
-                ms, mc = middle(ls, lc, rs, rc, sign)
-                ps, pc = middle(ls, lc, ms, mc, sign)
-                count = _arc(w, c, s, ls, lc, ps, pc, False, best, keep, found, count)
-                count = _arc(w, c, s, ps, pc, ms, mc, False, best, keep, found, count)
-                ps, pc = middle(ms, mc, rs, rc, sign)
-                count = _arc(w, c, s, ms, mc, ps, pc, False, best, keep, found, count)
-                count = _arc(w, c, s, ps, pc, rs, rc, False, best, keep, found, count)
-            else:
-                count = _arc(w, c, s, ls, lc, rs, rc, True, best, keep, found, count)
+            at = HALVES + 2 * i
+            ls, lc, rs, rc = ends[at, 0], ends[at, 1], ends[at + 1, 0], ends[at + 1, 1]
+            ms, mc = middle(ls, lc, rs, rc, sign)
+            ps, pc = middle(ls, lc, ms, mc, sign)
+            count = _arc(w, s, ls, lc, ps, pc, best, keep, found, count)
+            count = _arc(w, s, ps, pc, ms, mc, best, keep, found, count)
+            ps, pc = middle(ms, mc, rs, rc, sign)
+            count = _arc(w, s, ms, mc, ps, pc, best, keep, found, count)
+            count = _arc(w, s, ps, pc, rs, rc, best, keep, found, count)
     return count
 
 
-@njit
-def _along(w: Array, c: Array, s: float, sine: float, cosine: float) -> tuple[float, float, float]:
+@welded
+def _hollow_rim(
+    w: Array, s: float, x0: float, x1: float, y0: float, y1: float, best: Array, keep: float, found: Array, count: int
+) -> int:
+    """Local minima of the rim's lower half at s over the cell, where it is hollow over the cell's surface; -1 if Newton fails."""
+    r = w[RADIUS]
+    # the least place, were the cell's surface to go on: exact where it has no twist, else Newton's start
+    x, y = s * w[AX], s * w[AY]
+    gx, gy = w[CELL + 1] + w[CELL + 3] * y, w[CELL + 2] + w[CELL + 3] * x
+    rise, level = gx * w[EX] + gy * w[EY], w[UZ] - gx * w[UX] - gy * w[UY]
+    size = math.sqrt(rise * rise + level * level)
+    sine, cosine = rise / size, abs(level) / size
+    least = math.nan
+    for _ in range(30):
+        f, g, h = _along(w, s, sine, cosine)
+        step = -g / h if h > 0.0 else math.copysign(0.5, -g)
+        step = min(max(step, -0.5), 0.5)
+        size = math.sqrt(1.0 + step * step)
+        sine, cosine = (sine + cosine * step) / size, (cosine - sine * step) / size
+        if abs(step) < 1e-5:  # what it leaves of the gap is its cube
+            least = f + 0.5 * g * step
+            break
+        if cosine < 0.0:
+            sine, cosine = math.copysign(1.0, sine), 0.0
+    if math.isnan(least):
+        return -1
+    if least >= max(best[GAP] + TIE, keep):
+        return count
+    slack = HAIR * (x1 - x0 + y1 - y0)
+    x, y, _ = tread_point(w, sine, cosine, s)
+    if x0 - slack <= x <= x1 + slack and y0 - slack <= y <= y1 + slack:
+        return note(w, best, least, sine, cosine, s, keep, found, count)
+    # where it crosses the cell's sides, and does not fall further on the way in
+    for axis in range(2):
+        a, k, shift = (w[EX], -w[UX], s * w[AX]) if axis == 0 else (w[EY], -w[UY], s * w[AY])
+        reach = a * a + k * k
+        low, high = (y0, y1) if axis == 0 else (x0, x1)
+        for end in range(2):
+            line = (((x0 if end == 0 else x1) if axis == 0 else (y0 if end == 0 else y1)) - shift) / r
+            rest = reach - line * line  # a sin φ + k cos φ = line
+            if rest <= 0.0:
+                continue
+            root = math.sqrt(rest)
+            for branch in range(2):
+                cosine = (k * line + root * (a if branch == 0 else -a)) / reach
+                sine = (a * line - root * (k if branch == 0 else -k)) / reach
+                if cosine < 0.0:
+                    continue
+                x, y, _ = tread_point(w, sine, cosine, s)
+                across = y if axis == 0 else x
+                if low - slack <= across <= high + slack:
+                    f, g, _ = _along(w, s, sine, cosine)
+                    ahead = a * cosine - k * sine  # how the place across the side changes with φ
+                    if (g if (ahead > 0.0) == (end == 0) else -g) >= 0.0:
+                        count = note(w, best, f, sine, cosine, s, keep, found, count)
+    return count
+
+
+@welded
+def _along(w: Array, s: float, sine: float, cosine: float) -> tuple[float, float, float]:
     """f, f', f'' along the rim: its height over the cell's ground."""
     r = w[RADIUS]
     tx, ty, tz = r * (cosine * w[EX] + sine * w[UX]), r * (cosine * w[EY] + sine * w[UY]), r * sine * w[UZ]
     nx, ny, nz = r * (-sine * w[EX] + cosine * w[UX]), r * (-sine * w[EY] + cosine * w[UY]), r * cosine * w[UZ]
     x, y, z = s * w[AX] - nx, s * w[AY] - ny, w[HZ] + s * w[AZ] - nz
-    gx, gy = c[1] + c[3] * y, c[2] + c[3] * x
-    return z - c[0] - c[2] * y - gx * x, tz - gx * tx - gy * ty, nz - gx * nx - gy * ny - 2.0 * c[3] * tx * ty
+    gx, gy = w[CELL + 1] + w[CELL + 3] * y, w[CELL + 2] + w[CELL + 3] * x
+    return z - w[CELL] - w[CELL + 2] * y - gx * x, tz - gx * tx - gy * ty, nz - gx * nx - gy * ny - 2.0 * w[CELL + 3] * tx * ty
 
 
 @njit
 def _arc(
-    w: Array,
-    c: Array,
-    s: float,
-    ls: float,
-    lc: float,
-    rs: float,
-    rc: float,
-    hollow: bool,
-    best: Array,
-    keep: float,
-    found: Array,
-    count: int,
+    w: Array, s: float, ls: float, lc: float, rs: float, rc: float, best: Array, keep: float, found: Array, count: int
 ) -> int:
     """The least place of a piece of the rim from (ls, lc) to (rs, rc), φ growing."""
-    fl, gl, _ = _along(w, c, s, ls, lc)
+    fl, gl, _ = _along(w, s, ls, lc)
     if gl >= 0.0:
         count = note(w, best, fl, ls, lc, s, keep, found, count)
-        if hollow:
-            return count
-    fr, gr, _ = _along(w, c, s, rs, rc)
+    fr, gr, _ = _along(w, s, rs, rc)
     if gr <= 0.0:
         return note(w, best, fr, rs, rc, s, keep, found, count)
     if gl >= 0.0:
         return count
-    reach = w[RADIUS] * (rs - ls)
-    if hollow and lc > 1e-6 and rc > 1e-6:  # it lies above its end tangents, and may be out of the question
-        ml, mr = gl / (w[RADIUS] * lc), gr / (w[RADIUS] * rc)
-        if fl + ml * (fr - fl - mr * reach) / (ml - mr) >= max(best[GAP], keep):
-            return count
     # between, by Newton: turning by the angle whose tangent is the step keeps the vector a unit one without a sine
     t = gl / (gl - gr)
     sine, cosine = ls + t * (rs - ls), lc + t * (rc - lc)
@@ -199,7 +292,7 @@ def _arc(
     sine, cosine = sine / size, cosine / size
     f = math.inf
     for _ in range(60):
-        f, g, h = _along(w, c, s, sine, cosine)
+        f, g, h = _along(w, s, sine, cosine)
         if g < 0.0:
             ls, lc = sine, cosine
         else:
@@ -250,16 +343,14 @@ def _inside_tread(w: Array, sign: float, x: float, y: float, h: float, best: Arr
 
 
 @njit
-def _inside(
-    w: Array, c: Array, x0: float, x1: float, y0: float, y1: float, best: Array, keep: float, found: Array, count: int
-) -> int:
+def _inside(w: Array, x0: float, x1: float, y0: float, y1: float, best: Array, keep: float, found: Array, count: int) -> int:
     """Least of T - h inside a twisted cell: along the axle the ground must be hollow from above, h_vv < 0."""
-    hvv = 2.0 * c[3] * w[VX] * w[VY]
+    hvv = 2.0 * w[CELL + 3] * w[VX] * w[VY]
     if not hvv < -1e-9:
         return count
     r = w[RADIUS]
-    v0 = (w[TAN] - c[1] * w[VX] - c[2] * w[VY]) / hvv  # h_v = tan τ on the line v = v0 + v1 u
-    v1 = -c[3] * (w[EX] * w[VY] + w[EY] * w[VX]) / hvv
+    v0 = (w[TAN] - w[CELL + 1] * w[VX] - w[CELL + 2] * w[VY]) / hvv  # h_v = tan τ on the line v = v0 + v1 u
+    v1 = -w[CELL + 3] * (w[EX] * w[VY] + w[EY] * w[VX]) / hvv
     px, mx = w[EX] + v1 * w[VX], v0 * w[VX]
     py, my = w[EY] + v1 * w[VY], v0 * w[VY]
     low, high = -0.9999999 * r, 0.9999999 * r  # where that line crosses the cell
@@ -275,8 +366,8 @@ def _inside(
     if low >= high:
         return count
     # along it T - h falls and rises by  u / (q cos τ) + k1 + 2 k2 u
-    k1 = v1 * w[TAN] - c[1] * px - c[2] * py - c[3] * (px * my + py * mx)
-    k2 = -c[3] * px * py
+    k1 = v1 * w[TAN] - w[CELL + 1] * px - w[CELL + 2] * py - w[CELL + 3] * (px * my + py * mx)
+    k2 = -w[CELL + 3] * px * py
     pieces = 1 if k2 * r > -0.25 else 8
     a = low
     ga = a / (math.sqrt(r * r - a * a) * w[COS]) + k1 + 2.0 * k2 * a
@@ -302,7 +393,7 @@ def _inside(
                 if done:
                     break
             x, y = px * u + mx, py * u + my
-            h = c[0] + c[1] * x + c[2] * y + c[3] * x * y
+            h = w[CELL] + w[CELL + 1] * x + w[CELL + 2] * y + w[CELL + 3] * x * y
             count = _inside_tread(w, 1.0, x, y, h, best, keep, found, count)
         a, ga = b, gb
     return count

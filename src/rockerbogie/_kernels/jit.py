@@ -82,6 +82,12 @@ def fused(function: F) -> F:
     return made
 
 
+def welded(function: F) -> F:
+    """Compile a kernel whose machine code goes into its caller's, where handing over its arguments would cost too much."""
+    made: F = _compiled(function, nogil=True, forceinline=True)
+    return made
+
+
 def inlined(function: F) -> F:
     """Compile a kernel that is copied into its caller."""
     return numba.njit(cache=True, error_model="numpy", inline="always")(function)

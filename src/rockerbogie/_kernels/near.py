@@ -40,7 +40,7 @@ def touch_down(
     for i in range(6):
         w = wheels[i]
         t = work.touch[i]
-        code, kept = least_gap(ground, w, t[SIN], t[COSINE], t[PLACE], True, -math.inf, best, work.none, work)
+        code, kept = least_gap(ground, w, t[SIN], t[COSINE], t[PLACE], True, -math.inf, best, work.none)
         if code != FOUND:
             return code, 0
         least = min(least, best[GAP])
@@ -49,7 +49,7 @@ def touch_down(
         low = best[GAP]
         sine, cosine, place = best[SIN], best[COSINE], best[PLACE]
         t[SIN], t[COSINE], t[PLACE] = sine, cosine, place
-        code, kept = least_gap(ground, w, sine, cosine, place, True, low + margin, best, found, work)
+        code, kept = least_gap(ground, w, sine, cosine, place, True, low + margin, best, found)
         first = count
         for k in range(-1, kept):
             if k < 0:

@@ -16,8 +16,7 @@ from .curved_cell import BENDS_SIZE, XX, XXX, XXY, XY, XYY, YY, YYY, cell_bends
 from .ground import META_DX, META_DY, META_NX, META_NY, surface
 from .jit import njit
 from .tread import FOUND, Ground, least_gap
-from .wheel import AX, AY, AZ, EX, EY, GAP, HALF, HX, HY, HZ, RADIUS, UX, UY, UZ, gap_at, tread_point
-from .work import Work
+from .wheel import AX, AY, AZ, BENDS, BENDS_OF_ALL, EX, EY, GAP, HALF, HX, HY, HZ, RADIUS, UX, UY, UZ, gap_at, tread_point
 
 Array = NDArray[np.float64]
 
@@ -29,20 +28,20 @@ LEAST, LOWER, UNKNOWN = range(3)
 
 
 @njit
-def is_least(ground: Ground, w: Array, sine: float, cosine: float, s: float, work: Work) -> int:
-    """LEAST where no place of the tread has a lower gap than (φ, s) has, which lies on the ground; LOWER where work.best
-    has one; else UNKNOWN."""
+def is_least(ground: Ground, w: Array, sine: float, cosine: float, s: float, best: Array, none: Array) -> int:
+    """LEAST where no place of the tread has a lower gap than (φ, s) has, which lies on the ground; LOWER where it fills
+    `best` with one; else UNKNOWN. `none` is room for none."""
     grid, _, meta = ground
-    if _by_bounds(grid, meta, w, sine, cosine, s, work.bends, work.least):
+    if _by_bounds(grid, meta, w, sine, cosine, s):
         return LEAST
-    code, _ = least_gap(ground, w, sine, cosine, s, True, -math.inf, work.best, work.none, work)
+    code, _ = least_gap(ground, w, sine, cosine, s, True, -math.inf, best, none)
     if code != FOUND:
         return UNKNOWN
-    return LEAST if work.best[GAP] > -CLOSE else LOWER
+    return LEAST if best[GAP] > -CLOSE else LOWER
 
 
 @njit
-def _by_bounds(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s: float, bends: Array, least: Array) -> bool:
+def _by_bounds(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s: float) -> bool:
     """`is_least` by bounds on the ground's second derivatives under the wheel; False where they do not tell."""
     r, half = w[RADIUS], w[HALF]
     dx, dy = meta[META_DX], meta[META_DY]
@@ -52,6 +51,7 @@ def _by_bounds(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s
     j0, j1 = int(math.floor((w[HY] - out_y) / dy)), int(math.floor((w[HY] + out_y) / dy))
     if i0 < 0 or j0 < 0 or i1 > meta[META_NX] - 2.0 or j1 > meta[META_NY] - 2.0 or (i1 - i0 + 1) * (j1 - j0 + 1) > CELLS:
         return False
+    bends, least = w[BENDS : BENDS + BENDS_SIZE], w[BENDS_OF_ALL : BENDS_OF_ALL + BENDS_SIZE]
     for k in range(3):
         least[2 * k], least[2 * k + 1] = math.inf, -math.inf
     least[XXX:] = 0.0

@@ -8,19 +8,19 @@ the best so far is searched, exactly (`flat_cell`, `curved_cell`).
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .curved_cell import follow_smooth, search_curved_cell
-from .flat_cell import HAIR, search_flat_cell
+from .flat_cell import HAIR, TIE, search_flat_cell
 from .ground import META_BEND, META_CUBIC, META_DX, META_DY, META_NX, META_NY, on_map
-from .jit import njit
+from .jit import inlined, njit
 from .wheel import (
     AX,
     AY,
     AZ,
+    BOUND,
     COS,
     COSINE,
     EX,
@@ -31,7 +31,9 @@ from .wheel import (
     HY,
     HZ,
     PLACE,
+    PLANE,
     RADIUS,
+    ROW,
     SIN,
     TAN,
     UX,
@@ -42,9 +44,6 @@ from .wheel import (
     tread_point,
 )  # fmt: skip
 
-if TYPE_CHECKING:
-    from .work import Work
-
 Array = NDArray[np.float64]
 Ground = tuple[Array, Array, Array]  # grid, roof, meta
 
@@ -52,21 +51,19 @@ ROOM = 12  # touching places kept of one wheel
 FOUND, OFF, BLANK = 0, 1, 2
 SMOOTH = 0.7  # ground whose bend times the wheel's radius is less touches a thin disc in one place only
 LEAN = 0.5  # as long as the wheel leans by no more than this (sine)
-TIE = 1e-12  # m: a gap lower by less is not looked for
-
-ROW = 64  # cells bounded at once
 
 
 @njit
 def _bound_row(
     roof: Array, j: int, i: int, n: int, hub_x: float, y: float, dx: float, dy: float, w: Array, reach_u: float, reach_v: float,
-    plane: float, plane_x: float, plane_y: float, bound: Array,
 ) -> None:  # fmt: skip
     """bound[:n]: no gap over the cells i.. of row j is lower; inf beside the tread, nan where the ground is unknown.
 
     The greater of two bounds: by the tangent plane of T over the cell's middle, and by that at the best contact so far
-    (plane + plane_x X + plane_y Y), which is sharp where the ground is smooth.
+    (`tangent_plane`), which is sharp where the ground is smooth.
     """
+    level, plane_x, plane_y = w[PLANE], w[PLANE + 1], w[PLANE + 2]
+    bound = w[BOUND:]
     r, ex, ey, vx, vy, tan, hub_z = w[RADIUS], w[EX], w[EY], w[VX], w[VY], w[TAN], w[HZ]
     over = 1.0 / w[COS]
     edge = 0.98 * r
@@ -82,9 +79,43 @@ def _bound_row(
         slope = ut / q * over
         gx, gy = (slope * ex + tan * vx) * half_x, (slope * ey + tan * vy) * half_y
         first = hub_z - q * over + slope * (u - ut) + tan * v - max(max(a + gx + gy, b - gx + gy), max(d + gx - gy, e - gx - gy))
-        second = plane + plane_x * x + plane_y * y - max(max(a + bx + by, b - bx + by), max(d + bx - by, e - bx - by))
+        second = level + plane_x * x + plane_y * y - max(max(a + bx + by, b - bx + by), max(d + bx - by, e - bx - by))
         low = max(first, second) + 0.0 * (a + b + d + e)
         bound[k] = low if abs(u) <= reach_u and abs(v) <= reach_v else math.inf
+
+
+@inlined
+def tangent_plane(w: Array, sine: float) -> None:
+    """The plane that touches T at u = r sin φ: p0 + p1 X + p2 Y from the hub. T lies nowhere below it."""
+    r = w[RADIUS]
+    u = min(max(r * sine, -0.999 * r), 0.999 * r)
+    q = math.sqrt(r * r - u * u)
+    slope = u / (q * w[COS])
+    w[PLANE] = w[HZ] - q / w[COS] - slope * u
+    w[PLANE + 1], w[PLANE + 2] = slope * w[EX] + w[TAN] * w[VX], slope * w[EY] + w[TAN] * w[VY]
+
+
+@njit
+def _search_cell(
+    ground: Ground, w: Array, i: int, j: int, out_x: float, out_y: float, follow: bool, keep: float,
+    best: Array, found: Array, count: int,
+) -> int:  # fmt: skip
+    """Note the local minima over the cell (i, j); -1 if its ground is unknown."""
+    grid, _, meta = ground
+    dx, dy = meta[META_DX], meta[META_DY]
+    x0, y0 = i * dx - w[HX], j * dy - w[HY]
+    if meta[META_CUBIC] != 0.0:
+        # a cell larger than the wheel is searched where the wheel is, and a little beyond: a rim that only just
+        # reaches its own bounds would else be lost to rounding
+        far_x, far_y = 1.001 * out_x, 1.001 * out_y
+        return search_curved_cell(
+            grid, meta, w, i, j, max(x0, -far_x), min(x0 + dx, far_x), max(y0, -far_y), min(y0 + dy, far_y),
+            best, keep, found, count,
+        )  # fmt: skip
+    a, b, d, e = grid[j, i], grid[j, i + 1], grid[j + 1, i], grid[j + 1, i + 1]
+    if math.isnan(a + b + d + e):
+        return -1
+    return search_flat_cell(w, a, b, d, e, x0, y0, dx, dy, follow, best, keep, found, count)
 
 
 @njit
@@ -98,10 +129,9 @@ def least_gap(
     keep: float,
     best: Array,
     found: Array,
-    work: Work,
 ) -> tuple[int, int]:
     """Search the whole tread of wheel `w`. (φ, s) is a first guess; it only saves time. Unless `whole`, only the guess's
-    cell is searched: a contact is followed so between steps, to be proved by a whole search in the end.
+    cell is searched, and there what is like it: a contact is followed so between steps, to be proved in the end.
 
     Fills `best` (PLACE_SIZE,) and `found` with the local minima of gap ≤ keep. Returns FOUND, OFF (the map ends under
     the tread) or BLANK (unknown ground under it), and how many were kept.
@@ -109,7 +139,6 @@ def least_gap(
     grid, roof, meta = ground
     r, half = w[RADIUS], w[HALF]
     dx, dy = meta[META_DX], meta[META_DY]
-    cubic = meta[META_CUBIC] != 0.0
     out_x = half * abs(w[AX]) + r * math.sqrt(w[EX] * w[EX] + w[UX] * w[UX])
     out_y = half * abs(w[AY]) + r * math.sqrt(w[EY] * w[EY] + w[UY] * w[UY])
     if not (on_map(meta, w[HX] - out_x, w[HY] - out_y) and on_map(meta, w[HX] + out_x, w[HY] + out_y)):
@@ -117,7 +146,6 @@ def least_gap(
     smooth = half == 0.0 and keep < 0.0 and r * meta[META_BEND] < SMOOTH and abs(w[AZ]) < LEAN
     if smooth and follow_smooth(grid, meta, w, sine, cosine, best):
         return FOUND, 0
-    ends, bends, c, bound = work.ends, work.bends, work.cell, work.bound
     best[GAP], best[SIN], best[COSINE], best[PLACE] = gap_at(grid, meta, w, sine, cosine, s), sine, cosine, s
     last_i, last_j = int(meta[META_NX]) - 2, int(meta[META_NY]) - 2
     i0, i1 = min(int(math.floor((w[HX] - out_x) / dx)), last_i), min(int(math.floor((w[HX] + out_x) / dx)), last_i)
@@ -126,53 +154,27 @@ def least_gap(
     reach_u = r + 0.5 * (dx * abs(w[EX]) + dy * abs(w[EY])) + hair
     reach_v = half * w[COS] + r * abs(w[AZ]) + 0.5 * (dx * abs(w[VX]) + dy * abs(w[VY])) + hair
     count = 0
+    tangent_plane(w, best[SIN])
     # the cell of the first guess comes first: what it yields bounds the others
     px, py, _ = tread_point(w, sine, cosine, s)
-    wi, wj = min(max(int(math.floor((w[HX] + px) / dx)), i0), i1), min(max(int(math.floor((w[HY] + py) / dy)), j0), j1)
-    j, i, n, k = wj, wi, 1, 0
-    first = True
-    bound[0] = -math.inf
-    while True:
-        while k < n:
-            if not bound[k] >= max(best[GAP] - TIE, keep) and (first or j != wj or i + k != wi):
-                x0, y0 = (i + k) * dx - w[HX], j * dy - w[HY]
-                if cubic:
-                    # a cell larger than the wheel is searched where the wheel is, and a little beyond: a rim that only just
-                    # reaches its own bounds would else be lost to rounding
-                    far_x, far_y = 1.001 * out_x, 1.001 * out_y
-                    count = search_curved_cell(
-                        grid, meta, w, i + k, j, max(x0, -far_x), min(x0 + dx, far_x), max(y0, -far_y), min(y0 + dy, far_y),
-                        bends, ends, best, keep, found, count,
-                    )  # fmt: skip
+    wi = min(max(int(math.floor((w[HX] + px) / dx)), i0), i1)
+    wj = min(max(int(math.floor((w[HY] + py) / dy)), j0), j1)
+    count = _search_cell(ground, w, wi, wj, out_x, out_y, not whole, keep, best, found, count)
+    if count < 0 or (not whole and math.isnan(best[GAP])):
+        return BLANK, 0
+    if not whole:
+        return FOUND, count
+    tangent_plane(w, best[SIN])
+    for j in range(j0, j1 + 1):
+        y = (j + 0.5) * dy - w[HY]
+        for i in range(i0, i1 + 1, ROW):
+            n = min(i1 - i + 1, ROW)
+            _bound_row(roof, j, i, n, w[HX], y, dx, dy, w, reach_u, reach_v)
+            for k in range(n):
+                if not w[BOUND + k] >= max(best[GAP] - TIE, keep) and (j != wj or i + k != wi):
+                    count = _search_cell(ground, w, i + k, j, out_x, out_y, False, keep, best, found, count)
                     if count < 0:
                         return BLANK, 0
-                else:
-                    a, b, d, e = grid[j, i + k], grid[j, i + k + 1], grid[j + 1, i + k], grid[j + 1, i + k + 1]
-                    if math.isnan(a + b + d + e):
-                        return BLANK, 0
-                    count = search_flat_cell(w, a, b, d, e, x0, y0, dx, dy, c, ends, best, keep, found, count)
-            k += 1
-        if not whole:
-            break
-        if first:
-            first = False
-            j, i, n = j0, i0, 0
-            # the tangent plane of T at the best contact
-            u = min(max(r * best[SIN], -0.999 * r), 0.999 * r)
-            q = math.sqrt(r * r - u * u)
-            slope = u / (q * w[COS])
-            plane = w[HZ] - q / w[COS] - slope * u
-            plane_x, plane_y = slope * w[EX] + w[TAN] * w[VX], slope * w[EY] + w[TAN] * w[VY]
-        else:
-            i += n
-            if i > i1:
-                i = i0
-                j += 1
-        if j > j1:
-            break
-        n = min(i1 - i + 1, ROW)
-        k = 0
-        _bound_row(roof, j, i, n, w[HX], (j + 0.5) * dy - w[HY], dx, dy, w, reach_u, reach_v, plane, plane_x, plane_y, bound)
     if math.isnan(best[GAP]):
         return BLANK, 0
     return FOUND, count

@@ -24,7 +24,11 @@ Array = NDArray[np.float64]
 
 # A wheel in one flat array: hub, axle, e1, e3, cos τ, tan τ, radius, half width, the axle's level direction, the axle frame's z.
 HX, HY, HZ, AX, AY, AZ, EX, EY, UX, UY, UZ, COS, TAN, RADIUS, HALF, VX, VY, ZX, ZY, ZZ = range(20)
-WHEEL_SIZE = 20
+# And what its search writes down: the surface of a cell, a plane below the tread, where a rim crosses a cell, the bends of a
+# cell and of several, bounds of a row of cells. One array is quick to hand on, many are not.
+CELL, PLANE, ENDS, BENDS, BENDS_OF_ALL, BOUND = 20, 24, 27, 83, 93, 103
+ROW = 64  # cells bounded at once
+WHEEL_SIZE = BOUND + ROW
 
 # A place on the tread: its gap to the ground, sin φ, cos φ, s.
 GAP, SIN, COSINE, PLACE = range(4)

@@ -7,10 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .curved_cell import BENDS_SIZE
-from .flat_cell import ENDS_SIZE
 from .jit import bare, njit
-from .tread import ROOM, ROW
+from .tread import ROOM
 from .wheel import PLACE_SIZE, WHEEL_SIZE
 
 Array = NDArray[np.float64]
@@ -29,16 +27,9 @@ class Work(NamedTuple):
     best: Array  # (PLACE_SIZE,)
     found: Array  # (ROOM, PLACE_SIZE) touching places
     none: Array  # (0, PLACE_SIZE) room for none, where only the lowest is sought
-    ends: Array  # (ENDS_SIZE, 2) rim crossings
-    bends: Array  # (BENDS_SIZE,) bounds on a cubic cell
-    least: Array  # (BENDS_SIZE,) bounds over several cubic cells
-    cell: Array  # (4,) a bilinear cell
-    bound: Array  # (ROW,) bounds of a row of cells
 
 
-WORK_SIZE = (
-    30 + 9 + 12 + 6 * WHEEL_SIZE + 6 * PLACE_SIZE + 36 + 6 + PLACE_SIZE * (1 + ROOM) + 2 * ENDS_SIZE + 2 * BENDS_SIZE + 4 + ROW
-)
+WORK_SIZE = 30 + 9 + 12 + 6 * WHEEL_SIZE + 6 * PLACE_SIZE + 36 + 6 + PLACE_SIZE * (1 + ROOM)
 
 
 @njit
@@ -64,13 +55,4 @@ def lay_out(buffer: Array) -> Work:
     n += PLACE_SIZE
     found = b[n : n + ROOM * PLACE_SIZE].reshape(ROOM, PLACE_SIZE)
     none = found[:0]
-    n += ROOM * PLACE_SIZE
-    ends = b[n : n + 2 * ENDS_SIZE].reshape(ENDS_SIZE, 2)
-    n += 2 * ENDS_SIZE
-    bends = b[n : n + BENDS_SIZE]
-    n += BENDS_SIZE
-    least = b[n : n + BENDS_SIZE]
-    n += BENDS_SIZE
-    cell = b[n : n + 4]
-    n += 4
-    return Work(feet, axes, knees, wheels, touch, rows, step, best, found, none, ends, bends, least, cell, b[n:])
+    return Work(feet, axes, knees, wheels, touch, rows, step, best, found, none)
