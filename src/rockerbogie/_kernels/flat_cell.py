@@ -46,13 +46,14 @@ TIE = 1e-12  # m: a gap lower by less is not looked for
 
 @welded
 def search_flat_cell(
-    w: Array, a: float, b: float, d: float, e: float, x0: float, y0: float, dx: float, dy: float, follow: bool,
+    w: Array, a: float, b: float, d: float, e: float, x0: float, y0: float, dx: float, dy: float,
+    far_x: float, far_y: float, follow: bool,
     best: Array, keep: float, found: Array, count: int,
 ) -> int:  # fmt: skip
     """Note the local minima of the gap over the cell whose low corner is (x0, y0) from the hub; corners a b / d e.
 
-    No tread lies below the plane of `tangent_plane`. To `follow` a contact, only its own rim is searched, or what lies
-    inside the tread.
+    No tread lies below the plane of `tangent_plane`, nor farther from the hub than far_x, far_y. To `follow` a contact,
+    only its own rim is searched, or what lies inside the tread.
     """
     sx, sy, twist = (b - a) / dx, (d - a) / dy, (a - b - d + e) / (dx * dy)
     w[CELL + 3] = twist
@@ -67,13 +68,13 @@ def search_flat_cell(
         pa, pb, pd = low - a, low + w[PLANE + 1] * dx - b, low + w[PLANE + 2] * dy - d
         pe = low + w[PLANE + 1] * dx + w[PLANE + 2] * dy - e
         limit = max(best[GAP] - TIE, keep)
-        if min(pa, pb) < limit:
+        if min(pa, pb) < limit and abs(y0) <= far_y:
             count = _edge(w, x0, y0, 1.0, 0.0, dx, a, sx, best, keep, found, count)
-        if min(pa, pd) < limit:
+        if min(pa, pd) < limit and abs(x0) <= far_x:
             count = _edge(w, x0, y0, 0.0, 1.0, dy, a, sy, best, keep, found, count)
-        if min(pd, pe) < limit:
+        if min(pd, pe) < limit and abs(y1) <= far_y:
             count = _edge(w, x0, y1, 1.0, 0.0, dx, d, (e - d) / dx, best, keep, found, count)
-        if min(pb, pe) < limit:
+        if min(pb, pe) < limit and abs(x1) <= far_x:
             count = _edge(w, x1, y0, 0.0, 1.0, dy, b, (e - b) / dy, best, keep, found, count)
         count = _inside(w, x0, x1, y0, y1, best, keep, found, count)
         if follow:

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .jit import inlined, njit
+from .jit import inlined, njit, welded
 from .wheel import make_wheel
 
 Array = NDArray[np.float64]
@@ -114,7 +114,7 @@ def stand(
     return upright
 
 
-@njit
+@welded
 def slope_row(
     rover: Array, q: Array, cy: float, sy: float, axes: Array, knees: Array, i: int,
     px: float, py: float, pz: float, gx: float, gy: float, row: Array,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .curved_cell import follow_smooth, search_curved_cell
 from .flat_cell import HAIR, TIE, search_flat_cell
 from .ground import META_BEND, META_CUBIC, META_DX, META_DY, META_NX, META_NY, on_map
-from .jit import inlined, njit
+from .jit import inlined, njit, welded
 from .wheel import (
     AX,
     AY,
@@ -53,35 +53,49 @@ SMOOTH = 0.7  # ground whose bend times the wheel's radius is less touches a thi
 LEAN = 0.5  # as long as the wheel leans by no more than this (sine)
 
 
-@njit
+@welded
 def _bound_row(
-    roof: Array, j: int, i: int, n: int, hub_x: float, y: float, dx: float, dy: float, w: Array, reach_u: float, reach_v: float,
+    roof: Array, j: int, i: int, n: int, dx: float, dy: float, far_x: float, far_y: float, w: Array
 ) -> None:  # fmt: skip
-    """bound[:n]: no gap over the cells i.. of row j is lower; inf beside the tread, nan where the ground is unknown.
+    """Fill BOUND: no gap over the cells i.. of row j, as far as they reach under the wheel (far_x, far_y from its hub), is
+    lower; inf beside the tread, nan where the ground is unknown.
 
-    The greater of two bounds: by the tangent plane of T over the cell's middle, and by that at the best contact so far
+    The greater of two bounds: by the tangent plane of T over the middle, and by that at the best contact so far
     (`tangent_plane`), which is sharp where the ground is smooth.
     """
     level, plane_x, plane_y = w[PLANE], w[PLANE + 1], w[PLANE + 2]
     bound = w[BOUND:]
-    r, ex, ey, vx, vy, tan, hub_z = w[RADIUS], w[EX], w[EY], w[VX], w[VY], w[TAN], w[HZ]
-    over = 1.0 / w[COS]
+    r, ex, ey, vx, vy, tan, hub_z, hub_x = w[RADIUS], w[EX], w[EY], w[VX], w[VY], w[TAN], w[HZ], w[HX]
+    over, over_x, over_y = 1.0 / w[COS], 1.0 / dx, 1.0 / dy
     edge = 0.98 * r
     square = r * r
-    half_x, half_y = 0.5 * dx, 0.5 * dy
-    bx, by = plane_x * half_x, plane_y * half_y
+    hair = HAIR * (dx + dy)
+    reach_u, reach_v = r + hair, w[HALF] * w[COS] + r * abs(w[AZ]) + hair
+    low_y = j * dy - w[HY]
+    y0, y1 = max(low_y, -far_y), min(low_y + dy, far_y)
+    v0, v1 = (y0 - low_y) * over_y, (y1 - low_y) * over_y
+    y, half_y = 0.5 * (y0 + y1), 0.5 * (y1 - y0)
+    by = plane_y * half_y
     for k in range(n):
-        x = (i + k + 0.5) * dx - hub_x
+        low_x = (i + k) * dx - hub_x
+        x0, x1 = max(low_x, -far_x), min(low_x + dx, far_x)
+        u0, u1 = (x0 - low_x) * over_x, (x1 - low_x) * over_x
+        x, half_x = 0.5 * (x0 + x1), 0.5 * (x1 - x0)
+        left, right = roof[j, i + k], roof[j, i + k + 1]
+        up_left, up_right = roof[j + 1, i + k] - left, roof[j + 1, i + k + 1] - right
+        a, b, d, e = left + v0 * up_left, right + v0 * up_right, left + v1 * up_left, right + v1 * up_right
+        a, b, d, e = a + u0 * (b - a), a + u1 * (b - a), d + u0 * (e - d), d + u1 * (e - d)
         u, v = x * ex + y * ey, x * vx + y * vy
-        a, b, d, e = roof[j, i + k], roof[j, i + k + 1], roof[j + 1, i + k], roof[j + 1, i + k + 1]
         ut = min(max(u, -edge), edge)
         q = math.sqrt(square - ut * ut)
         slope = ut / q * over
         gx, gy = (slope * ex + tan * vx) * half_x, (slope * ey + tan * vy) * half_y
         first = hub_z - q * over + slope * (u - ut) + tan * v - max(max(a + gx + gy, b - gx + gy), max(d + gx - gy, e - gx - gy))
+        bx = plane_x * half_x
         second = level + plane_x * x + plane_y * y - max(max(a + bx + by, b - bx + by), max(d + bx - by, e - bx - by))
         low = max(first, second) + 0.0 * (a + b + d + e)
-        bound[k] = low if abs(u) <= reach_u and abs(v) <= reach_v else math.inf
+        beside = abs(u) > reach_u + half_x * abs(ex) + half_y * abs(ey) or abs(v) > reach_v + half_x * abs(vx) + half_y * abs(vy)
+        bound[k] = math.inf if beside else low
 
 
 @inlined
@@ -95,19 +109,16 @@ def tangent_plane(w: Array, sine: float) -> None:
     w[PLANE + 1], w[PLANE + 2] = slope * w[EX] + w[TAN] * w[VX], slope * w[EY] + w[TAN] * w[VY]
 
 
-@njit
+@welded
 def _search_cell(
-    ground: Ground, w: Array, i: int, j: int, out_x: float, out_y: float, follow: bool, keep: float,
+    ground: Ground, w: Array, i: int, j: int, far_x: float, far_y: float, follow: bool, keep: float,
     best: Array, found: Array, count: int,
 ) -> int:  # fmt: skip
-    """Note the local minima over the cell (i, j); -1 if its ground is unknown."""
+    """Note the local minima over the cell (i, j), within far_x, far_y of the hub; -1 if its ground is unknown."""
     grid, _, meta = ground
     dx, dy = meta[META_DX], meta[META_DY]
     x0, y0 = i * dx - w[HX], j * dy - w[HY]
     if meta[META_CUBIC] != 0.0:
-        # a cell larger than the wheel is searched where the wheel is, and a little beyond: a rim that only just
-        # reaches its own bounds would else be lost to rounding
-        far_x, far_y = 1.001 * out_x, 1.001 * out_y
         return search_curved_cell(
             grid, meta, w, i, j, max(x0, -far_x), min(x0 + dx, far_x), max(y0, -far_y), min(y0 + dy, far_y),
             best, keep, found, count,
@@ -115,7 +126,7 @@ def _search_cell(
     a, b, d, e = grid[j, i], grid[j, i + 1], grid[j + 1, i], grid[j + 1, i + 1]
     if math.isnan(a + b + d + e):
         return -1
-    return search_flat_cell(w, a, b, d, e, x0, y0, dx, dy, follow, best, keep, found, count)
+    return search_flat_cell(w, a, b, d, e, x0, y0, dx, dy, far_x, far_y, follow, best, keep, found, count)
 
 
 @njit
@@ -146,35 +157,50 @@ def least_gap(
     smooth = half == 0.0 and keep < 0.0 and r * meta[META_BEND] < SMOOTH and abs(w[AZ]) < LEAN
     if smooth and follow_smooth(grid, meta, w, sine, cosine, best):
         return FOUND, 0
-    best[GAP], best[SIN], best[COSINE], best[PLACE] = gap_at(grid, meta, w, sine, cosine, s), sine, cosine, s
-    last_i, last_j = int(meta[META_NX]) - 2, int(meta[META_NY]) - 2
-    i0, i1 = min(int(math.floor((w[HX] - out_x) / dx)), last_i), min(int(math.floor((w[HX] + out_x) / dx)), last_i)
-    j0, j1 = min(int(math.floor((w[HY] - out_y) / dy)), last_j), min(int(math.floor((w[HY] + out_y) / dy)), last_j)
-    hair = HAIR * (dx + dy)
-    reach_u = r + 0.5 * (dx * abs(w[EX]) + dy * abs(w[EY])) + hair
-    reach_v = half * w[COS] + r * abs(w[AZ]) + 0.5 * (dx * abs(w[VX]) + dy * abs(w[VY])) + hair
+    # following, the contact's own cell says all there is to know
+    best[GAP] = gap_at(grid, meta, w, sine, cosine, s) if whole else math.inf
+    best[SIN], best[COSINE], best[PLACE] = sine, cosine, s
+    i0, j0, i1, j1 = 0, 0, int(meta[META_NX]) - 2, int(meta[META_NY]) - 2
+    if whole:
+        i0, i1 = min(int(math.floor((w[HX] - out_x) / dx)), i1), min(int(math.floor((w[HX] + out_x) / dx)), i1)
+        j0, j1 = min(int(math.floor((w[HY] - out_y) / dy)), j1), min(int(math.floor((w[HY] + out_y) / dy)), j1)
+    # cells are searched where the wheel is, and a little beyond: a rim that only just reaches its own bounds would else be
+    # lost to rounding
+    far_x, far_y = 1.001 * out_x, 1.001 * out_y
     count = 0
-    tangent_plane(w, best[SIN])
     # the cell of the first guess comes first: what it yields bounds the others
+    tangent_plane(w, sine)
     px, py, _ = tread_point(w, sine, cosine, s)
     wi = min(max(int(math.floor((w[HX] + px) / dx)), i0), i1)
     wj = min(max(int(math.floor((w[HY] + py) / dy)), j0), j1)
-    count = _search_cell(ground, w, wi, wj, out_x, out_y, not whole, keep, best, found, count)
-    if count < 0 or (not whole and math.isnan(best[GAP])):
-        return BLANK, 0
-    if not whole:
-        return FOUND, count
-    tangent_plane(w, best[SIN])
-    for j in range(j0, j1 + 1):
-        y = (j + 0.5) * dy - w[HY]
-        for i in range(i0, i1 + 1, ROW):
-            n = min(i1 - i + 1, ROW)
-            _bound_row(roof, j, i, n, w[HX], y, dx, dy, w, reach_u, reach_v)
-            for k in range(n):
-                if not w[BOUND + k] >= max(best[GAP] - TIE, keep) and (j != wj or i + k != wi):
-                    count = _search_cell(ground, w, i + k, j, out_x, out_y, False, keep, best, found, count)
-                    if count < 0:
-                        return BLANK, 0
+    j, i, n, k = wj, wi, 1, 0
+    first = True
+    w[BOUND] = -math.inf
+    while True:
+        while k < n:
+            if not w[BOUND + k] >= max(best[GAP] - TIE, keep) and (first or j != wj or i + k != wi):
+                count = _search_cell(ground, w, i + k, j, far_x, far_y, not whole, keep, best, found, count)
+                if count < 0:
+                    return BLANK, 0
+            k += 1
+        if not whole:
+            break
+        if first:
+            first = False
+            j, i, n = j0, i0, 0
+            tangent_plane(w, best[SIN])
+        else:
+            i += n
+            if i > i1:
+                i = i0
+                j += 1
+        if j > j1:
+            break
+        n = min(i1 - i + 1, ROW)
+        k = 0
+        _bound_row(roof, j, i, n, dx, dy, far_x, far_y, w)
+    if best[GAP] == math.inf:
+        best[GAP] = gap_at(grid, meta, w, sine, cosine, s)
     if math.isnan(best[GAP]):
         return BLANK, 0
     return FOUND, count
