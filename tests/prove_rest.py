@@ -1,6 +1,6 @@
 """Three hundred poses of three rovers on solids, on fields, and with close stops, against MuJoCo at rest. Run by hand:
 
-python tests/prove_rest.py [poses]
+python tests/prove_rest.py [poses] [rover ...]
 """
 
 from __future__ import annotations
@@ -12,8 +12,10 @@ import numpy as np
 from rest_cases import compare, field, load, solids, stiff
 
 
-def main(poses: int) -> None:
+def main(poses: int, rovers: list[str]) -> None:
     for name, size in (("elhami-dashti", 8.0), ("rocky7", 6.0), ("perseverance", 16.0)):
+        if rovers and name not in rovers:
+            continue
         rover = load(name)
         for label, ground, car in (
             ("solids", solids(size, 1), rover),
@@ -35,4 +37,4 @@ def main(poses: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 300)
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 300, sys.argv[2:])

@@ -11,7 +11,7 @@ import numpy as np
 import rockerbogie as rb
 from rigid_drop import DropTower, Rest
 
-CELL = 0.005  # m: solid shapes are sampled so finely that bilinear ground stands for them within 0.03 mm
+CELLS = 3200  # across a ground of solid shapes: so finely that bilinear ground stands for them within 0.03 mm
 NUDGE = (1e-3, 1e-3, np.radians(0.1))  # m, m, rad
 SUNK = 0.6  # of a rock's half height lies below the plane
 
@@ -32,8 +32,8 @@ def solids(size: float, seed: int) -> Ground:
     are sunk so far that their flanks are no steeper than 47 deg, lest the grid's steps make notches in them.
     """
     rng = np.random.default_rng(seed)
-    nodes = round(size / CELL) + 1
-    axis = CELL * np.arange(nodes) - size / 2
+    cell = size / CELLS
+    axis = cell * np.arange(CELLS + 1) - size / 2
     x, y = np.meshgrid(axis, axis)
     z = np.zeros_like(x)
     geoms: list[dict[str, Any]] = [{"type": "plane", "size": [0, 0, 1], "pos": [0, 0, 0]}]
@@ -45,15 +45,15 @@ def solids(size: float, seed: int) -> Ground:
         z = np.maximum(z, high * (np.sqrt(np.maximum(inside, 0)) - SUNK))
         geoms.append({"type": "ellipsoid", "size": [*half, high], "pos": [*at, -SUNK * high]})
     for _ in range(25):  # edges on grid lines, so that the sampled edge is the solid one
-        at = CELL * np.round(rng.uniform(-0.45, 0.45, 2) * size / CELL)
-        half = CELL * np.round(rng.uniform(0.01, 0.05, 2) * size / CELL)
+        at = cell * np.round(rng.uniform(-0.45, 0.45, 2) * size / cell)
+        half = cell * np.round(rng.uniform(0.01, 0.05, 2) * size / cell)
         height = rng.uniform(0.002, 0.012) * size
         over = (np.abs(x - at[0]) <= half[0] + 1e-9) & (np.abs(y - at[1]) <= half[1] + 1e-9)
         z = np.where(over, np.maximum(z, height), z)
-        foot = half + CELL
+        foot = half + cell
         corners = [[sx * h[0], sy * h[1], up] for h, up in ((foot, 0.0), (half, height)) for sx in (-1, 1) for sy in (-1, 1)]
         geoms.append({"type": "mesh", "vertices": corners, "pos": [*at, 0.0]})
-    terrain = rb.Terrain.from_array(z, CELL, (-size / 2, -size / 2), interpolation="linear", name="planes, boxes, ellipsoids")
+    terrain = rb.Terrain.from_array(z, cell, (-size / 2, -size / 2), interpolation="linear", name="planes, boxes, ellipsoids")
     return Ground(terrain.name, terrain, geoms)
 
 
