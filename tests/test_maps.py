@@ -208,11 +208,12 @@ def test_words_with_the_numbers(plain: Any, file: Path, rover: rb.Rover) -> None
     assert placed.tilt.attrs["grid_mapping"] == "spatial_ref"
 
 
-@pytest.mark.parametrize("largest", [1 << 21, 2500])
+@pytest.mark.parametrize(("largest", "few"), [(1 << 21, 4), (2500, 1)])  # tiles one by one, and chunks on threads of their own
 def test_a_file_in_windows_is_the_terrain_in_memory(
-    rover: rb.Rover, file: Path, plain: Any, largest: int, monkeypatch: pytest.MonkeyPatch
+    rover: rb.Rover, file: Path, plain: Any, largest: int, few: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(run, "LARGEST", largest)
+    monkeypatch.setattr(run, "FEW", few)
     filed = rb.traversability(rover, file, HEADINGS, interpolation="linear", chunk=128)
     assert_same(filed, plain)
     coarse = {"headings": 1, "resolution": 0.7}
@@ -324,6 +325,7 @@ def test_a_full_disk_is_said_and_the_rerun_goes_on(
 
     with monkeypatch.context() as disk:
         disk.setattr(store.Store, "take", take)
+        disk.setattr(run, "FEW", 1)
         with pytest.raises(
             rb.RockerbogieError, match="No space left on device; what is finished is kept, and the same call goes on"
         ):

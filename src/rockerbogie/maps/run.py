@@ -25,6 +25,8 @@ from .tile import Job
 
 #: Most nodes of a file in one window: cells far apart are made in pieces.
 LARGEST = 1 << 21
+#: Fewer chunks for each thread than this would leave some of them idle at the end.
+FEW = 4
 PATIENCE = 30.0  # s: how long a scheduler may take to answer, and its first worker to come
 #: Called with how many cells are done, and how many there are.
 Progress = Callable[[int, int], None]
@@ -61,10 +63,10 @@ class Memory:
         """Nothing is gone on with later."""
 
 
-def make(job: Job, ground: Ground, tiles: list[Tile], store: Store | Memory) -> int:
-    """Make the tiles of one chunk that are not done yet, on one thread; how many cells that was."""
+def make(job: Job, ground: Ground, tiles: list[Tile], store: Store | Memory, count: int = 1) -> int:
+    """Make the tiles of one chunk that are not done yet, on `count` threads; how many cells that was."""
     tiles = [tile for tile in tiles if not store.is_done(tile)]
-    with threads(1):
+    with threads(count):
         if tiles and ground.cost(*job.window(ground, tiles)) <= LARGEST:
             terrain = ground.window(*job.window(ground, tiles))
             for tile in tiles:
@@ -93,7 +95,14 @@ def _piecewise(job: Job, ground: Ground, tile: Tile, store: Store | Memory) -> N
 
 def in_threads(job: Job, ground: Ground, chunks: list[list[Tile]], store: Store | Memory, tell: Callable[[int], None]) -> None:
     """Make every chunk in this process, a thread a core; `tell` is called with the cells of each as it is done."""
-    with threads(None) as count, ThreadPoolExecutor(count) as pool:
+    with threads(None) as count:
+        if len(chunks) < FEW * count:
+            chunks = [[tile] for chunk in chunks for tile in chunk]
+        if len(chunks) < FEW * count:  # one after the other, each on all threads
+            for chunk in chunks:
+                tell(make(job, ground, chunk, store, count))
+            return
+    with ThreadPoolExecutor(count) as pool:
         waiting = iter(chunks)
         flying: set[Future[int]] = set()
         try:
