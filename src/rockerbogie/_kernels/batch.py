@@ -157,12 +157,14 @@ def clearance_batch(
 ) -> None:
     """Least height of the body's box over the ground (n,) at poses q (n, 6)."""
     land, meta = loan(ground), ground[2]
+    axes_buffer, near_buffer = np.empty((3, 3)), np.empty((NEAR_ROOM, NEAR_SIZE))
+    axes, near, box = bare(axes_buffer), bare(near_buffer), bare(rover)[P_BOX : P_BOX + 6]
     for k in range(start, stop):
-        axes, near = np.empty((3, 3)), np.empty((NEAR_ROOM, NEAR_SIZE))
         out[k] = math.nan
         if not math.isnan(q[k, Z]):
             body_axes(q[k, ROLL], q[k, PITCH], math.cos(yaw[k]), math.sin(yaw[k]), axes)
             px, py, pz = x[k] - meta[META_X], y[k] - meta[META_Y], q[k, Z] - meta[META_Z]
-            count = box_over_ground(land, rover[P_BOX : P_BOX + 6], axes, px, py, pz, 0.0, near)
+            count = box_over_ground(land, box, axes, px, py, pz, 0.0, near)
             if count > 0:
                 out[k] = least_clearance(near, count)
+    axes_buffer[0, 0] = near_buffer[0, 0] = 0.0  # their last use

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from . import lanes, smooth, wheel
 from .contact import TOLERANCE, WIDEST
 from .ground import META_BEND, META_X, META_Y
-from .jit import njit
+from .jit import inlined
 from .linkage import P_HALF, P_RADIUS, stand_feet
 from .proof import LEAST, LOWER, UNKNOWN, is_least
 from .sincos import FAR
@@ -25,7 +25,7 @@ BLOCK_SIZE = VERDICT + lanes.LANES
 ROUNDS = 5  # proofs that may send a lane on from a lower place
 
 
-@njit
+@inlined
 def load(
     S: Array, rover: Array, meta: Array, x: Array, y: Array, yaw: Array, steering: Array, first: int, count: int, fresh: bool,
     work: Work,
@@ -44,7 +44,7 @@ def load(
     lanes.head(S)
 
 
-@njit
+@inlined
 def prove(S: Array, ground: Ground, rover: Array, l: int, work: Work) -> int:
     """Whether lane l has settled upright, and that over all treads: LEAST. LOWER where it is to go on: a tread is deeper in
     the ground elsewhere, which its contact is moved to, or not near enough. UNKNOWN where it is to be settled otherwise."""
@@ -80,7 +80,7 @@ def prove(S: Array, ground: Ground, rover: Array, l: int, work: Work) -> int:
     return verdict
 
 
-@njit
+@inlined
 def settle_block(S: Array, ground: Ground, rover: Array, count: int, work: Work) -> None:
     """Settle the first `count` lanes on cubic ground. VERDICT is LEAST for those that are proved; others are to be settled
     otherwise."""

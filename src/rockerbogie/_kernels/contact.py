@@ -92,7 +92,7 @@ def move(q: Array, step: Array) -> None:
         q[k] += scale * step[k]
 
 
-@njit
+@inlined
 def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, work: Work) -> int:
     """Newton on the six gaps from q, each over the whole tread; work.touch holds where they are.
 
@@ -160,7 +160,7 @@ def start_pose(ground: Ground, rover: Array, x: float, y: float, attempt: int, q
         q[k] = 2.0 * spread * (part - math.floor(part) - 0.5)
 
 
-@njit
+@inlined
 def settle_contact(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, work: Work) -> int:
     """Fill q with the settled pose, nan when there is none; returns a status code. work.feet says how the wheels are steered.
 

@@ -89,7 +89,8 @@ def welded(function: F) -> F:
 
 
 def inlined(function: F) -> F:
-    """Compile a kernel that is copied into its caller."""
+    """Compile a kernel as part of its caller: a small one, or one that has a single caller. Each link of a chain of kernels
+    would else be optimised again with all that hangs on it."""
     return numba.njit(cache=True, error_model="numpy", inline="always")(function)
 
 

@@ -64,7 +64,7 @@ def place_body(S: Array, rover: Array) -> None:
     for k in range(int(rover[P_ORDER]) - 1, -1, -1):
         c = rover[P_DIFF + k]
         for l in range(LANES):
-            rho = S[Q + 3 * LANES + l]
+            rho = min(max(S[Q + 3 * LANES + l], -FOLDED), FOLDED)  # beyond, a polynomial would run away
             S[RATE + l] = S[RATE + l] * rho + S[RIGHT + l]
             S[RIGHT + l] = S[RIGHT + l] * rho + c
     kx, kz, px, pz = rover[P_KNEE], rover[P_KNEE + 2], rover[P_PIVOT], rover[P_PIVOT + 2]
@@ -193,6 +193,7 @@ def solve_step(S: Array) -> None:
         S[STEP + 5 * LANES + l] = (eb - z - e1 * roll - e2 * pitch - e3 * rocker) / e4
 
 
+FOLDED = 1.6  # rad: no linkage stands so far from rest
 STRIDE = 0.3  # rad, the longest step
 
 

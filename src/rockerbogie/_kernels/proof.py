@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from .curved_cell import BENDS_SIZE, XX, XXX, XXY, XY, XYY, YY, YYY, cell_bends
 from .ground import META_DX, META_DY, META_NX, META_NY, surface
-from .jit import njit
+from .jit import inlined, njit
 from .tread import FOUND, Ground, least_gap
 from .wheel import AX, AY, AZ, BENDS, BENDS_OF_ALL, EX, EY, GAP, HALF, HX, HY, HZ, RADIUS, UX, UY, UZ, gap_at, tread_point
 
@@ -27,7 +27,7 @@ PIECES = 12  # most pieces that a width is cut into
 LEAST, LOWER, UNKNOWN = range(3)
 
 
-@njit
+@inlined
 def is_least(ground: Ground, w: Array, sine: float, cosine: float, s: float, best: Array, none: Array) -> int:
     """LEAST where no place of the tread has a lower gap than (φ, s) has, which lies on the ground; LOWER where it fills
     `best` with one; else UNKNOWN. `none` is room for none."""

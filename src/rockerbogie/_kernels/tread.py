@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .curved_cell import follow_smooth, search_curved_cell
 from .flat_cell import HAIR, TIE, search_flat_cell
 from .ground import META_BEND, META_CUBIC, META_DX, META_DY, META_NX, META_NY, on_map
-from .jit import inlined, njit, welded
+from .jit import inlined, njit
 from .wheel import (
     AX,
     AY,
@@ -53,7 +53,7 @@ SMOOTH = 0.7  # ground whose bend times the wheel's radius is less touches a thi
 LEAN = 0.5  # as long as the wheel leans by no more than this (sine)
 
 
-@welded
+@njit
 def _bound_row(
     roof: Array, j: int, i: int, n: int, dx: float, dy: float, far_x: float, far_y: float, w: Array
 ) -> None:  # fmt: skip
@@ -109,7 +109,7 @@ def tangent_plane(w: Array, sine: float) -> None:
     w[PLANE + 1], w[PLANE + 2] = slope * w[EX] + w[TAN] * w[VX], slope * w[EY] + w[TAN] * w[VY]
 
 
-@welded
+@njit
 def _search_cell(
     ground: Ground, w: Array, i: int, j: int, far_x: float, far_y: float, follow: bool, keep: float,
     best: Array, found: Array, count: int,

@@ -26,6 +26,7 @@ N_GAP, N_X, N_Y, N_Z, N_GX, N_GY = range(6)
 NEAR_SIZE = 6
 NEAR_ROOM = 12
 APART = 0.1  # places closer than this share of the box's length are one
+NO_MATTER = 1e-9  # m
 FINE = 1e-6  # of a cell: what is not decided by then is as near as makes no difference
 
 
@@ -56,9 +57,9 @@ def _take(near: Array, count: int, apart: float, gap: float, x: float, y: float,
 
 
 @njit
-def least_clearance(near: Array, count: int) -> float:
-    """The lowest of the places found."""
-    low = math.inf
+def least_clearance(near: Array, count: int, cap: float = math.inf) -> float:
+    """The lowest of the places found, and of `cap`."""
+    low = cap
     for k in range(count):
         low = min(low, near[k, N_GAP])
     return low
@@ -91,6 +92,21 @@ def box_over_ground(ground: Ground, box: Array, axes: Array, x: float, y: float,
     if not (on_map(meta, x + x_min, y + y_min) and on_map(meta, x + x_max, y + y_max)):
         return -OFF
     count = 0
+    # somewhere on the box the gap is no greater than at these places of its lowest face: what lies higher is passed by
+    down = 0
+    for k in range(1, 3):
+        if abs(axes[k, 2]) > abs(axes[down, 2]):
+            down = k
+    a, b = (down + 1) % 3, (down + 2) % 3
+    cap = math.inf
+    for place in range(5):
+        pa = 0.5 * (box[a] + box[3 + a]) if place == 4 else (box[a] if place & 1 else box[3 + a])
+        pb = 0.5 * (box[b] + box[3 + b]) if place == 4 else (box[b] if place & 2 else box[3 + b])
+        ox = axes[a, 0] * pa + axes[b, 0] * pb + axes[down, 0] * low[down]
+        oy = axes[a, 1] * pa + axes[b, 1] * pb + axes[down, 1] * low[down]
+        oz = axes[a, 2] * pa + axes[b, 2] * pb + axes[down, 2] * low[down]
+        h = surface(grid, meta, x + ox, y + oy)[0]
+        cap = min(cap, z + oz - h + NO_MATTER)
     for face in range(3):  # the edges' direction; three of them are on the lower side
         a, b = (face + 1) % 3, (face + 2) % 3
         for end in range(3):
@@ -100,8 +116,9 @@ def box_over_ground(ground: Ground, box: Array, axes: Array, x: float, y: float,
             sy = axes[a, 1] * pa + axes[b, 1] * pb + axes[face, 1] * box[face]
             sz = axes[a, 2] * pa + axes[b, 2] * pb + axes[face, 2] * box[face]
             count = _edge(
-                grid, meta, bends, x, y, z, sx, sy, sz, axes[face], box[3 + face] - box[face], margin, apart, near, count
-            )
+                ground, bends, x, y, z, sx, sy, sz, axes[face, 0], axes[face, 1], axes[face, 2], box[3 + face] - box[face],
+                cap, margin, apart, near, count,
+            )  # fmt: skip
             if count < 0:
                 return -BLANK
     last_i, last_j = int(meta[META_NX]) - 2, int(meta[META_NY]) - 2
@@ -126,20 +143,35 @@ def box_over_ground(ground: Ground, box: Array, axes: Array, x: float, y: float,
                 outside_a = max(box[a] - pa, pa - box[3 + a]) > reach_a
                 if outside_a or max(box[b] - pb, pb - box[3 + b]) > reach_b:
                     continue
-                level = z + c0 + gx * ox + gy * oy
                 r0, r1, r2, r3 = roof[j, i], roof[j, i + 1], roof[j + 1, i], roof[j + 1, i + 1]
-                ux, uy = gx * half_x, gy * half_y
-                room = level - max(max(r0 + ux + uy, r1 - ux + uy), max(r2 + ux - uy, r3 - ux - uy))
+                # the cell as far as it lies under the box
+                west, east = max(ox - half_x, x_min), min(ox + half_x, x_max)
+                south, north = max(oy - half_y, y_min), min(oy + half_y, y_max)
+                u0, u1 = 0.5 + (west - ox) / dx, 0.5 + (east - ox) / dx
+                v0, v1 = 0.5 + (south - oy) / dy, 0.5 + (north - oy) / dy
+                twist = r0 - r1 - r2 + r3
+                sw = r0 + (r1 - r0) * u0 + (r2 - r0) * v0 + twist * u0 * v0
+                se = r0 + (r1 - r0) * u1 + (r2 - r0) * v0 + twist * u1 * v0
+                nw = r0 + (r1 - r0) * u0 + (r2 - r0) * v1 + twist * u0 * v1
+                ne = r0 + (r1 - r0) * u1 + (r2 - r0) * v1 + twist * u1 * v1
+                room = (
+                    z
+                    + c0
+                    + min(
+                        min(gx * west + gy * south - sw, gx * east + gy * south - se),
+                        min(gx * west + gy * north - nw, gx * east + gy * north - ne),
+                    )
+                )
                 if not math.isfinite(room + r0 + r1 + r2 + r3):
                     return -BLANK
-                if room > least_clearance(near, count) + margin:
+                if room > least_clearance(near, count, cap) + margin:
                     continue
                 if meta[META_CUBIC] != 0.0:
                     if not cell_bends(grid, i, j, dx, dy, bends):
                         return -BLANK
                     count = _face_over_cell(
-                        grid, meta, bends, x, y, z, ox, oy, c0, gx, gy, box, a, b,
-                        axes[a, 2] * c0, ax, ay, axes[b, 2] * c0, bx, by, margin, apart, near, count,
+                        grid, meta, bends, x, y, z, west, east, south, north, c0, gx, gy, box, a, b,
+                        axes[a, 2] * c0, ax, ay, axes[b, 2] * c0, bx, by, cap, margin, apart, near, count,
                     )  # fmt: skip
                     continue
                 for corner in range(4):
@@ -148,19 +180,20 @@ def box_over_ground(ground: Ground, box: Array, axes: Array, x: float, y: float,
                     if box[a] <= pa <= box[3 + a] and box[b] <= pb <= box[3 + b]:
                         oz = c0 + gx * cx + gy * cy
                         gap = z + oz - grid[j + (corner >> 1), i + (corner & 1)]
-                        if gap <= least_clearance(near, count) + margin:
+                        if gap <= least_clearance(near, count, cap) + margin:
                             count = _take(near, count, apart, gap, cx, cy, oz, gx, gy)
     return count
 
 
 @njit
 def _edge(
-    grid: Array, meta: Array, bends: Array, x: float, y: float, z: float, sx: float, sy: float, sz: float, along: Array,
-    length: float, margin: float, apart: float, near: Array, count: int,
+    ground: Ground, bends: Array, x: float, y: float, z: float, sx: float, sy: float, sz: float,
+    ex: float, ey: float, ez: float, length: float, cap: float, margin: float, apart: float, near: Array, count: int,
 ) -> int:  # fmt: skip
-    """Where an edge of the box, from offset (sx, sy, sz) on, is near the ground: cell by cell. -1 where that is unknown."""
+    """Where an edge of the box, from offset (sx, sy, sz) on along (ex, ey, ez), is near the ground: cell by cell. -1 where
+    that is unknown."""
+    grid, roof, meta = ground
     dx, dy = meta[META_DX], meta[META_DY]
-    ex, ey, ez = along[0], along[1], along[2]
     t = 0.0
     while t < length:
         # the piece up to the next grid line: it is told from its middle which cell it is in
@@ -176,6 +209,16 @@ def _edge(
         middle = 0.5 * (t + following)
         i = min(max(int(math.floor((x + sx + middle * ex) / dx)), 0), int(meta[META_NX]) - 2)
         j = min(max(int(math.floor((y + sy + middle * ey) / dy)), 0), int(meta[META_NY]) - 2)
+        # over the roof the edge bends alike all along the piece
+        r0, r1, r2, r3 = roof[j, i], roof[j, i + 1], roof[j + 1, i], roof[j + 1, i + 1]
+        u, v = (x + sx + t * ex) / dx - i, (y + sy + t * ey) / dy - j
+        du, dv = (following - t) * ex / dx, (following - t) * ey / dy
+        twist = r0 - r1 - r2 + r3
+        here = z + sz + t * ez - r0 - (r1 - r0) * u - (r2 - r0) * v - twist * u * v
+        there = z + sz + following * ez - r0 - (r1 - r0) * (u + du) - (r2 - r0) * (v + dv) - twist * (u + du) * (v + dv)
+        if min(here, there) + 0.25 * min(twist * du * dv, 0.0) > least_clearance(near, count, cap) + margin:
+            t = following
+            continue
         if meta[META_CUBIC] != 0.0:
             if not cell_bends(grid, i, j, dx, dy, bends):
                 return -1
@@ -185,7 +228,7 @@ def _edge(
             low = -2.0 * ex * ey * (grid[j, i] - grid[j, i + 1] - grid[j + 1, i] + grid[j + 1, i + 1]) / (dx * dy)
         if not math.isfinite(low):
             return -1
-        count = _piece(grid, meta, low, x, y, z, sx, sy, sz, ex, ey, ez, t, following, length, margin, apart, near, count)
+        count = _piece(grid, meta, low, x, y, z, sx, sy, sz, ex, ey, ez, t, following, length, cap, margin, apart, near, count)
         t = following
     return count
 
@@ -205,7 +248,7 @@ def _on_edge(
 @njit
 def _piece(
     grid: Array, meta: Array, least_bend: float, x: float, y: float, z: float, sx: float, sy: float, sz: float,
-    ex: float, ey: float, ez: float, start: float, stop: float, length: float, margin: float, apart: float,
+    ex: float, ey: float, ez: float, start: float, stop: float, length: float, cap: float, margin: float, apart: float,
     near: Array, count: int,
 ) -> int:  # fmt: skip
     """The low places of an edge's piece within one cell, along which the height over the ground bends by no less than
@@ -218,7 +261,7 @@ def _piece(
         span = b - a
         slack = 0.5 * max(-least_bend, 0.0) * span
         down, up = ga - slack, gb + slack
-        limit = least_clearance(near, count) + margin
+        limit = least_clearance(near, count, cap) + margin
         t, f, gx, gy = a, fa, ax, ay
         if down < 0.0 and up <= 0.0:
             t, f, gx, gy = b, fb, bx, by
@@ -269,18 +312,18 @@ def _across_line(
 
 @njit
 def _face_over_cell(
-    grid: Array, meta: Array, bends: Array, x: float, y: float, z: float, xm: float, ym: float, c0: float, gx: float, gy: float,
-    box: Array, a: int, b: int, a0: float, ax: float, ay: float, b0: float, bx: float, by: float,
-    margin: float, apart: float, near: Array, count: int,
+    grid: Array, meta: Array, bends: Array, x: float, y: float, z: float, west: float, east: float, south: float, north: float,
+    c0: float, gx: float, gy: float, box: Array, a: int, b: int, a0: float, ax: float, ay: float, b0: float, bx: float, by: float,
+    cap: float, margin: float, apart: float, near: Array, count: int,
 ) -> int:  # fmt: skip
-    """The low places of a face over a cubic cell about the offset (xm, ym): where the ground is a hill, level with the face."""
-    half_x, half_y = 0.5 * meta[META_DX], 0.5 * meta[META_DY]
+    """The low places of a face over a part of a cubic cell: where the ground is a hill, level with the face."""
+    half_x, half_y = 0.5 * (east - west), 0.5 * (north - south)
     if bends[XX] > -1e-12 or bends[YY] > -1e-12:
         return count
     level, i, j = 0, 0, 0
     rx, ry = half_x, half_y
     while True:
-        ox, oy = xm - half_x + (2 * i + 1) * rx, ym - half_y + (2 * j + 1) * ry
+        ox, oy = west + (2 * i + 1) * rx, south + (2 * j + 1) * ry
         split = False
         pa, pb = a0 + ax * ox + ay * oy, b0 + bx * ox + by * oy
         outside_a = max(box[a] - pa, pa - box[3 + a]) > rx * abs(ax) + ry * abs(ay)
@@ -293,7 +336,7 @@ def _face_over_cell(
             hill = hxx - dxx < 0.0 and hyy - dyy < 0.0
             if hill and abs(fx) <= turn_x and abs(fy) <= turn_y:
                 bent = 0.5 * max(hxx + dxx, 0.0) * rx * rx + (abs(hxy) + dxy) * rx * ry + 0.5 * max(hyy + dyy, 0.0) * ry * ry
-                limit = least_clearance(near, count) + margin
+                limit = least_clearance(near, count, cap) + margin
                 if z + c0 + gx * ox + gy * oy - h - abs(fx) * rx - abs(fy) * ry - bent <= limit:
                     xx, yy, xy = -hxx - dxx, -hyy - dyy, abs(hxy) + dxy
                     if (xx > 0.0 and yy > 0.0 and xx * yy > xy * xy) or rx < FINE * half_x:
