@@ -81,39 +81,57 @@ def _by_bounds(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s
         + (least[XXY] * far_x + least[XYY] * far_y) * abs(xy)
         + (least[XYY] * far_x + least[YYY] * far_y) * yy
     )
-    high = min(
-        least[XX + 1] * xx + max(least[XY] * xy, least[XY + 1] * xy) + least[YY + 1] * yy, hxx * xx + hxy * xy + hyy * yy + vary
-    )
+    here = hxx * xx + hxy * xy + hyy * yy
+    high = min(least[XX + 1] * xx + max(least[XY] * xy, least[XY + 1] * xy) + least[YY + 1] * yy, here + vary)
+    low = max(least[XX] * xx + min(least[XY] * xy, least[XY + 1] * xy) + least[YY] * yy, here - vary)
     along = w[AZ] - gx * w[AX] - gy * w[AY]  # m'
-    fall = high + bend * follow  # m'' is nowhere below -fall
-    if fall < 0.0:  # hollow along the axle too
-        off = abs(along) if abs(s) < half else max(math.copysign(along, along * s), 0.0)
-        return off * off <= -2.0 * fall * CLOSE
+    fall, rise = high + bend * follow, max(-low, 0.0)  # m'' is nowhere below -fall, nor above rise
+    crest = -here - bend * follow  # and not below this here
     if abs(s) < half:
-        return False
+        if not along * along <= CLOSE * crest:
+            return False
+        reach = 2.0 * half * crest / vary if vary > 0.0 else math.inf  # so far it stays hollow
+        gap = gap_at(grid, meta, w, sine, cosine, s)
+        for way in (1.0, -1.0):
+            left = half - way * s - reach
+            if left > 0.0:
+                place = s + way * reach
+                there, along, sp, cp = _least_of_rim(grid, meta, w, sine, cosine, place)
+                if not _is_clear(grid, meta, w, sp, cp, place, way, left, there, way * along, gap, fall, rise):
+                    return False
+        return True
     way = -1.0 if s > 0.0 else 1.0
-    return _is_clear(grid, meta, w, sine, cosine, s, way, way * along, fall)
+    if fall < 0.0:  # hollow all along the axle
+        off = max(-way * along, 0.0)
+        return off * off <= -2.0 * fall * CLOSE
+    gap = gap_at(grid, meta, w, sine, cosine, s)
+    return _is_clear(grid, meta, w, sine, cosine, s, way, 2.0 * half, gap, way * along, gap, fall, rise)
 
 
 @njit
 def _is_clear(
-    grid: Array, meta: Array, w: Array, sine: float, cosine: float, s: float, way: float, slope: float, fall: float
-) -> bool:
-    """Whether the rims' least gaps from the end s over the width are nowhere lower than there, where they change by `slope`.
+    grid: Array, meta: Array, w: Array, sine: float, cosine: float, s: float, way: float, left: float,
+    here: float, slope: float, gap: float, fall: float, rise: float,
+) -> bool:  # fmt: skip
+    """Whether the rims' least gaps m, `here` at s and changing by `slope`, are nowhere lower than `gap` as far as `left`.
 
-    m plus a parabola of curvature `fall` is hollow: from piece to piece its tangents at both ends bound it from below.
+    From piece to piece: m plus a parabola of curvature `fall` is hollow, so that its tangents at both ends bound it from
+    below; and less one of curvature `rise` it lies above its chord.
     """
-    least = gap_at(grid, meta, w, sine, cosine, s)
-    here, left = least, 2.0 * w[HALF]
+    low, fall = gap - CLOSE, max(fall, 0.0)
+    if not here >= low:
+        return False
     piece = left
     for _ in range(PIECES):
         s_next = s + way * piece
         there, slope_next, sine_next, cosine_next = _least_of_rim(grid, meta, w, sine, cosine, s_next)
         slope_next *= way
-        if not there >= least - CLOSE:
+        if not there >= low:
             return False
         down, up = slope - 0.5 * fall * piece, slope_next + 0.5 * fall * piece
-        if down >= 0.0 or up <= 0.0 or here + down * (there - here - up * piece) / (down - up) >= least - CLOSE:
+        dip = max(0.5 * piece - (there - here) / (rise * piece), 0.0) if rise > 0.0 else 0.0
+        above_tangents = down >= 0.0 or up <= 0.0 or here + down * (there - here - up * piece) / (down - up) >= low
+        if above_tangents or here - 0.5 * rise * dip * dip >= low:
             left -= piece
             if left <= 0.0:
                 return True
