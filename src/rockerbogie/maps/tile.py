@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 Take = Callable[[str, tuple[slice, ...], NDArray[Any]], None]
 
 #: Headings of a tile settled at once: bounds the memory whatever their number.
-HEADINGS = 16
+HEADINGS = 4
 
 
 @dataclass(frozen=True, eq=False)
