@@ -48,7 +48,7 @@ from .lanes import (
     slopes,
     solve_step,
     take_step,
-)  # fmt: skip
+)
 from .linkage import P_HALF, P_HUB, P_PIVOT, P_RADIUS
 
 Array = NDArray[np.float64]
@@ -56,7 +56,6 @@ Array = NDArray[np.float64]
 # A wheel: its contact's place in a cell, the cell, its 16 coefficients, height and curvature there; how far the contact has
 # turned in the last step, and 1 if it is where this does not hold.
 U, V, COL, ROW, COEF, H, HXX, HXY, HYY, TURN, ASTRAY, SMOOTH_ROWS = rows(ROWS, (*[ALL] * 4, 16 * ALL, *[ALL] * 6))
-
 
 LEAN = 0.5  # sine of the greatest lean of a wheel
 SMALL = 2e-6  # m and rad: after a step no greater the gaps are below 1e-9 m, and mostly far below
@@ -162,8 +161,8 @@ def roll_contacts(S: Array, rover: Array, meta: Array) -> None:
             gx, gy, hxx, hxy, hyy = S[GX + k], S[GY + k], S[HXX + k], S[HXY + k], S[HYY + k]
             bx, by, cx, cy = hxx * tx + hxy * ty, hxy * tx + hyy * ty, hxx * ax + hxy * ay, hxy * ax + hyy * ay
             by_turn, by_place = tz - gx * tx - gy * ty, az - gx * ax - gy * ay  # the gap's slopes over the tread
-            # from the rim's middle to its point: (place a) is no part of what turns
-            bend = (pz - place * az) * -1.0 + gx * (px - place * ax) + gy * (py - place * ay) - bx * tx - by * ty
+            # what turns is the point from the rim's middle
+            bend = gx * (px - place * ax) + gy * (py - place * ay) - (pz - place * az) - bx * tx - by * ty
             twist, ridge = -(bx * ax + by * ay), -(cx * ax + cy * ay)
             over = 1.0 / bend
             crest = ridge - twist * twist * over  # how the gap bends along the axle while φ follows
