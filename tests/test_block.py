@@ -54,6 +54,16 @@ def test_a_pose_does_not_know_its_neighbours(name: str) -> None:
         assert np.array_equal(alone.q, together.q[k], equal_nan=True)
 
 
+def test_a_heading_turned_round_many_times_is_the_same_heading() -> None:
+    rover, terrain = ROVERS["curiosity"], smooth_ground(1, 0.4, 1.5)
+    yaw = np.array([0.7, 1e4, 1e9, -1e15, 1e300])
+    far = rb.settle(rover, terrain, 6.0, 6.0, yaw)
+    near = rb.settle(rover, terrain, 6.0, 6.0, np.arctan2(np.sin(yaw), np.cos(yaw)))
+    assert (far.status == rb.Status.CONVERGED).all()
+    assert np.abs(far.q - near.q).max() < 1e-9
+    assert np.abs(far.gap).max() < 1e-9
+
+
 @pytest.mark.parametrize("name", ROVERS)
 @pytest.mark.parametrize(("steep", "shortest"), [(0.3, 3.0), (0.5, 0.8), (1.0, 0.6)])
 def test_settled_on_waves_by_the_oracle(name: str, steep: float, shortest: float) -> None:

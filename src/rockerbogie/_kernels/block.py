@@ -35,13 +35,17 @@ def load(
     for l in range(lanes.LANES):
         k = first + min(l, count - 1)
         S[lanes.X + l], S[lanes.Y + l] = x[k] - meta[META_X], y[k] - meta[META_Y]
-        S[lanes.CY + l] = yaw[k] if abs(yaw[k]) < FAR else yaw[k] % (2.0 * math.pi)
+        S[lanes.CY + l] = yaw[k] if abs(yaw[k]) < FAR else 0.0
         if fresh or steering.shape[0] > 1:
             stand_feet(rover, steering[k if steering.shape[0] > 1 else 0], work.feet)
             for i in range(6):
                 for n in range(5):
                     S[lanes.FX + n * lanes.ALL + i * lanes.LANES + l] = work.feet[i, n]
     lanes.head(S)
+    for l in range(lanes.LANES):
+        k = first + min(l, count - 1)
+        if abs(yaw[k]) >= FAR:
+            S[lanes.CY + l], S[lanes.SY + l] = math.cos(yaw[k]), math.sin(yaw[k])
 
 
 @inlined
