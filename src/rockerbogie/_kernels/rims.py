@@ -1,0 +1,335 @@
+"""Where the rims of `LANES` wheels come nearest to bilinear ground.
+
+A rim's lower half runs over the map from one column of cells to the next; columns are counted along that axis of the grid
+that the wheel rolls along more, so that in a column it crosses one line of the other axis at most, and has two pieces. In a
+cell the gap along it is
+
+    f = f0 - gs sin φ - gc cos φ - twist (AC sin² φ + E sin φ cos φ + BD cos² φ).
+
+Over u = sin φ it is hollow where gc - |twist E| exceeds 2 twist (AC - BD) cos³ φ: then it lies nowhere below its tangents, and
+where those at a piece's two ends meet it is bounded. Pieces are taken up in the order of their bounds, and each one's least
+gap is found by Newton, until no bound is below the least gap found.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .flat_cell import TIE
+from .ground import META_DX, META_DY, META_NX, META_NY
+from .jit import fused, inlined, njit
+from .lanes import ALL, AZ, COSINE, GAP, GX, GY, LANES, OX, OY, OZ, PLACE, ROWS, SINE, UZ, VX, VY, Q, X, Y, rows
+from .linkage import P_RADIUS
+
+Array = NDArray[np.float64]
+
+COLUMNS = 48  # under one rim, at most
+MOST, MOST_ROWS = 2048, 1 << 20  # bounds of a lane, numbers in a block: more than there are
+NONE = -1e300  # a bound where there is none
+
+# One rim of each lane: its place on the axle; its middle, in cells along the two axes (p, t), and how it runs:
+# p = P0 + A sin φ + B cos φ, t = T0 + C sin φ + D cos φ, z = ZR - RHO cos φ; products of these; 1 where p is y, and the sign
+# that makes A positive; how far p goes; its first column and number of columns less one.
+(
+    RIM, P0, T0, A, B, C, D, RHO, ZR, H2, Q2, FAR_T, OVER_H, OVER_Q, AC, BD, E, SWAP, SIGN, LOW_P, HIGH_P, FIRST, MORE, _walk
+) = rows(ROWS, (LANES,) * 23)  # fmt: skip
+# A column: where the rim comes in, crosses a line (or goes out) and goes out, as sin φ, cos φ, and t; the two cells.
+S_IN, C_IN, T_IN, S_MID, C_MID, S_OUT, C_OUT, T_OUT, CELL_IN, CELL_OUT, BOUND_IN, BOUND_OUT, _cell = rows(_walk, (LANES,) * 12)
+# A cell: its place along p and t, along x and y, its corners; the bound of what is looked at, and which piece that is.
+CP, CT, CI, CJ, H00, H01, H10, H11, LOW, PIECE, _best = rows(_cell, (LANES,) * 10)
+# The least gap found, where, in which cell (x, y) and with what slope of the contact; what could not be looked at is no lower
+# than DOUBT.
+LEAST, L_SINE, L_COSINE, L_PLACE, L_COL, L_ROW, L_GX, L_GY, DOUBT, _pieces = rows(_best, (LANES,) * 9)
+# The pieces of a rim: their bounds and cells.
+BOUNDS, CELLS, RIM_ROWS = rows(_pieces, (2 * COLUMNS * LANES,) * 2)
+
+
+@fused
+def no_gap(S: Array) -> None:
+    """Nothing is found yet."""
+    for l in range(LANES):
+        S[LEAST + l] = S[DOUBT + l] = math.inf
+        S[L_SINE + l], S[L_COSINE + l], S[L_PLACE + l], S[L_GX + l], S[L_GY + l] = 0.0, 1.0, 0.0, 0.0, 0.0
+        S[L_COL + l] = S[L_ROW + l] = 0.0
+
+
+@fused
+def set_rims(S: Array, rover: Array, meta: Array, i: int) -> None:
+    """The rims at RIM of wheel i."""
+    i = min(max(i, 0), 5)
+    radius = rover[P_RADIUS + i]
+    over_x, over_y = 1.0 / meta[META_DX], 1.0 / meta[META_DY]
+    for l in range(LANES):
+        k = i * LANES + l
+        vx, vy, az, uz, s = S[VX + k], S[VY + k], S[AZ + k], S[UZ + k], S[RIM + l]
+        x, y = (S[X + l] + S[OX + k] + s * uz * vx) * over_x, (S[Y + l] + S[OY + k] + s * uz * vy) * over_y
+        along_x, side_x, along_y, side_y = (
+            radius * vy * over_x, radius * az * vx * over_x, -radius * vx * over_y, radius * az * vy * over_y,
+        )  # fmt: skip
+        swap = abs(along_y) > abs(along_x)
+        a, b, p = (along_y if swap else along_x), (side_y if swap else side_x), (y if swap else x)
+        c, d, t = (along_x if swap else along_y), (side_x if swap else side_y), (x if swap else y)
+        sign = -1.0 if a < 0.0 else 1.0
+        a, c = a * sign, c * sign
+        h2, q2 = a * a + b * b, c * c + d * d
+        far = math.sqrt(h2)
+        # p grows with φ from LOW_P to HIGH_P; what is left of the lower half beyond is `height_of_rest`'s
+        high, low = (a if b < 0.0 else far), (-a if b > 0.0 else -far)
+        first = np.floor(p + low)
+        S[P0 + l], S[T0 + l], S[A + l], S[B + l], S[C + l], S[D + l] = p, t, a, b, c, d
+        S[RHO + l], S[ZR + l] = radius * uz, S[Q + l] + S[OZ + k] + s * az
+        S[H2 + l], S[Q2 + l], S[FAR_T + l], S[OVER_H + l], S[OVER_Q + l] = h2, q2, math.sqrt(q2), 1.0 / h2, 1.0 / (q2 + 1e-30)
+        S[AC + l], S[BD + l], S[E + l] = a * c, b * d, a * d + b * c
+        S[SWAP + l], S[SIGN + l], S[LOW_P + l], S[HIGH_P + l] = (1.0 if swap else 0.0), sign, low, high
+        S[FIRST + l], S[MORE + l] = first, np.floor(p + high) - first
+
+
+@fused
+def corners(S: Array, grid: Array, meta: Array) -> None:
+    """Heights at the corners of the cells CI, CJ, which are put on the map."""
+    last_x, last_y = meta[META_NX] - 2.0, meta[META_NY] - 2.0
+    for l in range(LANES):
+        i, j = S[CI + l], S[CJ + l]
+        i, j = (i if i > 0.0 else 0.0), (j if j > 0.0 else 0.0)  # nan too
+        S[CI + l], S[CJ + l] = (i if i < last_x else last_x), (j if j < last_y else last_y)
+    for l in range(LANES):
+        i, j = np.uint64(S[CI + l]), np.uint64(S[CJ + l])
+        S[H00 + l], S[H01 + l] = grid[j, i], grid[j, i + np.uint64(1)]
+        S[H10 + l], S[H11 + l] = grid[j + np.uint64(1), i], grid[j + np.uint64(1), i + np.uint64(1)]
+
+
+@inlined
+def _crossing(a: float, b: float, over: float, square: float, line: float) -> tuple[float, float]:
+    """(sin φ, cos φ) with a sin φ + b cos φ = line, where that grows; square = a² + b², over its inverse."""
+    root = math.sqrt(max(square - line * line, 0.0))
+    return (a * line - b * root) * over, (b * line + a * root) * over
+
+
+@inlined
+def _over_cell(S: Array, l: int, p: float, t: float) -> tuple[float, float, float, float, float, float, float]:
+    """A cell's slopes along p and t at the rim's middle, its twist, f0, gs, gc, and its place p from the middle."""
+    a, h01, h10, e, swap = S[H00 + l], S[H01 + l], S[H10 + l], S[H11 + l], S[SWAP + l] > 0.0
+    b, d = (h10 if swap else h01), (h01 if swap else h10)
+    twist = a - b - d + e
+    mp, mt = S[P0 + l] - p, S[T0 + l] - t
+    slope_p, slope_t = b - a + twist * mt, d - a + twist * mp
+    gs = slope_p * S[A + l] + slope_t * S[C + l]
+    gc = slope_p * S[B + l] + slope_t * S[D + l] + S[RHO + l]
+    return slope_p, slope_t, twist, S[ZR + l] - a - (b - a) * mp - slope_t * mt, gs, gc, mp
+
+
+@inlined
+def _bound(S: Array, at_s: int, at_c: int, to_s: int, to_c: int, cell: int, out: int) -> None:
+    """A bound of the gap over a piece, exact where it has its least at an end."""
+    for l in range(LANES):
+        _, _, twist, f0, gs, gc, _ = _over_cell(S, l, S[CP + l], S[cell + l])
+        sl, cl, sr, cr = S[at_s + l], S[at_c + l], S[to_s + l], S[to_c + l]
+        ac, bd, e = S[AC + l], S[BD + l], S[E + l]
+        fl = f0 - gs * sl - gc * cl - twist * (ac * sl * sl + e * sl * cl + bd * cl * cl)
+        fr = f0 - gs * sr - gc * cr - twist * (ac * sr * sr + e * sr * cr + bd * cr * cr)
+        by_l = gc * sl - gs * cl - twist * (2.0 * (ac - bd) * sl * cl + e * (cl * cl - sl * sl))
+        by_r = gc * sr - gs * cr - twist * (2.0 * (ac - bd) * sr * cr + e * (cr * cr - sr * sr))
+        wide = sr - sl
+        most = 1.0 if sl * sr < 0.0 else max(cl, cr)
+        firm, bent = gc - abs(twist * e), 2.0 * twist * (ac - bd)
+        # not hollow: so much of a parabola through both ends taken off makes it so, and lowers it between them
+        off = 0.0 if firm > bent * most * most * most else max(0.5 * (bent - firm), 0.0) * wide
+        by_l, by_r = by_l - off * cl, by_r + off * cr
+        inner = fl + by_l * ((fr - fl) * cr - by_r * wide) / (by_l * cr - by_r * cl)
+        low = inner if (by_l < 0.0) & (by_r > 0.0) else min(fl, fr)
+        S[out + l] = low if (firm > 0.0) & (low == low) else NONE
+
+
+@fused
+def bound_pieces(S: Array, grid: Array, meta: Array, columns: int) -> None:
+    """Fill BOUNDS and CELLS of the first `columns` columns; LOW and PIECE are the lowest."""
+    columns = min(max(columns, 0), COLUMNS)
+    for l in range(LANES):
+        S[LOW + l], S[PIECE + l] = math.inf, 0.0
+        s, c = _crossing(S[A + l], S[B + l], S[OVER_H + l], S[H2 + l], S[LOW_P + l])
+        S[S_IN + l], S[C_IN + l], S[T_IN + l] = s, c, S[T0 + l] + S[C + l] * s + S[D + l] * c
+    for m in range(columns):
+        for l in range(LANES):
+            c, d, first, t_in = S[C + l], S[D + l], S[FIRST + l], S[T_IN + l]
+            line = min(first + (m + 1.0) - S[P0 + l], S[HIGH_P + l])
+            s_out, c_out = _crossing(S[A + l], S[B + l], S[OVER_H + l], S[H2 + l], line)
+            t_out = S[T0 + l] + c * s_out + d * c_out
+            from_cell, to_cell = np.floor(t_in), np.floor(t_out)
+            up = 1.0 if to_cell > from_cell else -1.0
+            s, c_mid = _crossing(up * c, up * d, S[OVER_Q + l], S[Q2 + l], up * (max(from_cell, to_cell) - S[T0 + l]))
+            same = from_cell == to_cell
+            S[S_MID + l], S[C_MID + l] = (s_out if same else s), (c_out if same else c_mid)
+            S[S_OUT + l], S[C_OUT + l], S[T_OUT + l] = s_out, c_out, t_out
+            # a leaning rim may turn back beyond the two cells, on a stretched grid it may cross more of them
+            rise, fall = c * S[C_IN + l] - d * S[S_IN + l], c * c_out - d * s_out
+            turn = np.floor(S[T0 + l] + math.copysign(S[FAR_T + l], rise))
+            beyond = (rise * fall < 0.0) & ((turn > max(from_cell, to_cell)) | (turn < min(from_cell, to_cell)))
+            doubt = S[DOUBT + l]
+            S[DOUBT + l] = NONE if beyond | (abs(from_cell - to_cell) > 1.0) else doubt
+            column = first + min(1.0 * m, S[MORE + l])
+            swap = S[SWAP + l] > 0.0
+            S[CELL_IN + l], S[CELL_OUT + l], S[CP + l] = from_cell, to_cell, column
+            S[CI + l], S[CJ + l] = (from_cell if swap else column), (column if swap else from_cell)
+        corners(S, grid, meta)
+        _bound(S, S_IN, C_IN, S_MID, C_MID, CELL_IN, BOUND_IN)
+        for l in range(LANES):
+            swap, p, t = S[SWAP + l] > 0.0, S[CP + l], S[CELL_OUT + l]
+            S[CI + l], S[CJ + l] = (t if swap else p), (p if swap else t)
+        corners(S, grid, meta)
+        _bound(S, S_MID, C_MID, S_OUT, C_OUT, CELL_OUT, BOUND_OUT)
+        for l in range(LANES):
+            k = 2 * m * LANES + l
+            none, cell_in, cell_out, bound_in, bound_out = (
+                1.0 * m > S[MORE + l], S[CELL_IN + l], S[CELL_OUT + l], S[BOUND_IN + l], S[BOUND_OUT + l],
+            )  # fmt: skip
+            bound_in, bound_out = (math.inf if none else bound_in), (math.inf if none | (cell_in == cell_out) else bound_out)
+            S[BOUNDS + k], S[BOUNDS + LANES + k], S[CELLS + k], S[CELLS + LANES + k] = bound_in, bound_out, cell_in, cell_out
+        for l in range(LANES):
+            low, piece, bound_in, bound_out = S[LOW + l], S[PIECE + l], S[BOUNDS + 2 * m * LANES + l], S[BOUNDS + (2 * m + 1) * LANES + l]
+            piece = 2.0 * m if bound_in < low else piece
+            low = min(low, bound_in)
+            piece = 2.0 * m + 1.0 if bound_out < low else piece
+            S[LOW + l], S[PIECE + l] = min(low, bound_out), piece
+            S[S_IN + l], S[C_IN + l], S[T_IN + l] = S[S_OUT + l], S[C_OUT + l], S[T_OUT + l]
+
+
+@fused
+def next_lowest(S: Array, bounds: int, count: int) -> None:
+    """LOW is the lowest of each lane's `count` bounds in the rows from `bounds` on, and PIECE which; that which PIECE was
+    is done with."""
+    bounds, count = min(max(bounds, 0), MOST_ROWS), min(max(count, 0), MOST)
+    lanes = min(LANES, count * LANES)  # LANES; a compiler that knows writes short loops out instead of fusing them
+    for l in range(lanes):
+        S[BOUND_IN + l], S[PIECE + l], S[LOW + l] = S[PIECE + l], 0.0, math.inf
+    for m in range(count):
+        for l in range(lanes):
+            bound, low, piece = S[bounds + m * LANES + l], S[LOW + l], S[PIECE + l]
+            bound = math.inf if S[BOUND_IN + l] == 1.0 * m else bound
+            S[bounds + m * LANES + l] = bound
+            S[LOW + l], S[PIECE + l] = min(low, bound), (1.0 * m if bound < low else piece)
+
+
+@fused
+def take_up(S: Array) -> float:
+    """Of the lanes whose LOW is below LEAST the cells of their pieces, LOW inf for others; how many they are."""
+    for l in range(LANES):
+        low = S[LOW + l]
+        S[LOW + l] = low if low < S[LEAST + l] - TIE else math.inf
+        S[CP + l] = S[FIRST + l] + np.floor(0.5 * S[PIECE + l])
+    lanes = 0.0
+    for l in range(LANES):
+        S[CT + l] = S[CELLS + np.uint64(S[PIECE + l]) * np.uint64(LANES) + np.uint64(l)]
+        lanes += 1.0 if S[LOW + l] < math.inf else 0.0
+    for l in range(LANES):
+        swap, p, t = S[SWAP + l] > 0.0, S[CP + l], S[CT + l]
+        S[CI + l], S[CJ + l] = (t if swap else p), (p if swap else t)
+    return lanes
+
+
+@fused
+def nearest(S: Array, meta: Array) -> None:
+    """The least gap of the rims over the cells CP, CT, where LOW bounds it; held where it is less than LEAST."""
+    over_x, over_y = 1.0 / meta[META_DX], 1.0 / meta[META_DY]
+    for l in range(LANES):
+        a, b, c, d = S[A + l], S[B + l], S[C + l], S[D + l]
+        over_h, over_q, h2, q2, low_p, high_p = S[OVER_H + l], S[OVER_Q + l], S[H2 + l], S[Q2 + l], S[LOW_P + l], S[HIGH_P + l]
+        # the piece: from the later of two lines to come in by, to the earlier of two to go out by
+        sl, cl = _crossing(a, b, over_h, h2, max(min(S[CP + l] - S[P0 + l], high_p), low_p))
+        sr, cr = _crossing(a, b, over_h, h2, max(min(S[CP + l] + 1.0 - S[P0 + l], high_p), low_p))
+        tl, tr, near, far = c * sl + d * cl, c * sr + d * cr, S[CT + l] - S[T0 + l], S[CT + l] + 1.0 - S[T0 + l]
+        up = 1.0 if tr > tl else -1.0
+        into, out = (near if up > 0.0 else far), (far if up > 0.0 else near)
+        late, early = up * tl < up * into, up * tr > up * out
+        s, k = _crossing(up * c, up * d, over_q, q2, up * into)
+        sl, cl = (s if late else sl), (k if late else cl)
+        s, k = _crossing(up * c, up * d, over_q, q2, up * out)
+        sr, cr = (s if early else sr), (k if early else cr)
+        slope_p, slope_t, twist, f0, gs, gc, _ = _over_cell(S, l, S[CP + l], S[CT + l])
+        ac, bd, e = S[AC + l], S[BD + l], S[E + l]
+        bent = 2.0 * (ac - bd)
+        # Newton from where it would be with the twist's slopes of the piece's middle; h is what it takes over u
+        s, k = 0.5 * (sl + sr), 0.5 * (cl + cr)
+        p, q = gs + twist * (2.0 * ac * s + e * k), gc + twist * (e * s + 2.0 * bd * k)
+        size = 1.0 / math.sqrt(p * p + q * q)
+        s, k = p * size, max(q * size, 0.0)
+        before, beyond = s * cl < k * sl, sr * k < cr * s
+        s, k = (sl if before else (sr if beyond else s)), (cl if before else (cr if beyond else k))
+        for _ in range(3):
+            g = gc * s - gs * k - twist * (bent * s * k + e * (k * k - s * s))
+            h = gs * s + gc * k - twist * (bent * (k * k - s * s) - 4.0 * e * s * k)
+            step = min(max(-g * k / (h * k + g * s), -0.3), 0.3)
+            square = 1.0 + step * step
+            size = 1.5 - 0.5 * square
+            size *= 1.5 - 0.5 * square * size * size
+            s, k = (s + k * step) * size, (k - s * step) * size
+            size = 1.5 - 0.5 * (s * s + k * k)  # what that has left
+            s, k = s * size, k * size
+            before, beyond = s * cl < k * sl, sr * k < cr * s
+            s, k = (sl if before else (sr if beyond else s)), (cl if before else (cr if beyond else k))
+        g = gc * s - gs * k - twist * (bent * s * k + e * (k * k - s * s))
+        h = gs * s + gc * k - twist * (bent * (k * k - s * s) - 4.0 * e * s * k)
+        f = f0 - gs * s - gc * k - twist * (ac * s * s + e * s * k + bd * k * k)
+        step = -g / h
+        inside = (not before) & (not beyond) & (abs(step) < 1e-4)
+        f += 0.5 * g * step if inside else 0.0
+        most = 1.0 if sl * sr < 0.0 else max(cl, cr)
+        hollow = gc - abs(twist * e) > bent * twist * most * most * most
+        sure = hollow & (inside | (before & (g >= 0.0)) | (beyond & (g <= 0.0)))
+        # else an end may be lower, and be all there is, or not
+        fl = f0 - gs * sl - gc * cl - twist * (ac * sl * sl + e * sl * cl + bd * cl * cl)
+        fr = f0 - gs * sr - gc * cr - twist * (ac * sr * sr + e * sr * cr + bd * cr * cr)
+        at_l, at_r = (not sure) & (fl <= fr) & (fl < f), (not sure) & (fr < fl) & (fr < f)
+        before, beyond = (before | at_l) & (not at_r), (beyond | at_r) & (not at_l)
+        s, k = (sl if at_l else (sr if at_r else s)), (cl if at_l else (cr if at_r else k))
+        f = fl if at_l else (fr if at_r else f)
+        low, doubt = S[LOW + l], S[DOUBT + l]
+        S[DOUBT + l] = doubt if sure | (f <= low + TIE) else min(doubt, low)
+        # the contact's slope: the ground's, and on a ridge the one between its two sides' that is square to the rim
+        along_p, along_t, rise = a * k - b * s, c * k - d * s, S[RHO + l] * s
+        gp, gt = slope_p + twist * (c * s + d * k), slope_t + twist * (a * s + b * k)
+        on_t, on_p = (before & late) | (beyond & early), (before & (not late)) | (beyond & (not early))
+        cut = (rise - (gp * along_p if on_t else gt * along_t)) / (along_t if on_t else along_p)
+        gp, gt = (cut if on_p else gp), (cut if on_t else gt)
+        swap = S[SWAP + l] > 0.0
+        less = (low < math.inf) & (not (f >= S[LEAST + l]))  # nan stays
+        was_f, was_s, was_k, was_place, was_x, was_y = (
+            S[LEAST + l], S[L_SINE + l], S[L_COSINE + l], S[L_PLACE + l], S[L_GX + l], S[L_GY + l],
+        )  # fmt: skip
+        gx, gy = (gt if swap else gp) * over_x, (gp if swap else gt) * over_y
+        s, place = s * S[SIGN + l], S[RIM + l]
+        col, row, was_col, was_row = S[CI + l], S[CJ + l], S[L_COL + l], S[L_ROW + l]
+        S[LEAST + l], S[L_SINE + l], S[L_COSINE + l] = (f if less else was_f), (s if less else was_s), (k if less else was_k)
+        S[L_PLACE + l], S[L_GX + l], S[L_GY + l] = (place if less else was_place), (gx if less else was_x), (gy if less else was_y)
+        S[L_COL + l], S[L_ROW + l] = (col if less else was_col), (row if less else was_row)
+
+
+@njit
+def search_rims(S: Array, grid: Array, meta: Array, rover: Array, i: int) -> None:
+    """The least gap of the rims at RIM of wheel i, all along their lower halves as far as p goes."""
+    set_rims(S, rover, meta, i)
+    columns = 0
+    for l in range(LANES):
+        if S[MORE + l] < COLUMNS:
+            columns = max(columns, int(S[MORE + l]) + 1)
+        else:
+            S[DOUBT + l] = NONE
+    bound_pieces(S, grid, meta, columns)
+    while take_up(S) > 0.0:
+        corners(S, grid, meta)
+        nearest(S, meta)
+        next_lowest(S, BOUNDS, 2 * columns)
+
+
+@njit
+def follow_rims(S: Array, grid: Array, meta: Array, rover: Array, i: int) -> None:
+    """The least gap of the rims at RIM of wheel i over the cells CI, CJ."""
+    set_rims(S, rover, meta, i)
+    for l in range(LANES):
+        swap = S[SWAP + l] > 0.0
+        S[CP + l], S[CT + l] = (S[CJ + l] if swap else S[CI + l]), (S[CI + l] if swap else S[CJ + l])
+        S[LOW + l] = NONE
+    corners(S, grid, meta)
+    nearest(S, meta)

@@ -1,0 +1,260 @@
+"""Wheels on bilinear ground, `LANES` poses at once.
+
+Contacts are sought over whole treads, then followed in their cells while Newton moves the pose, and sought again when it has
+settled: if no tread is deeper in the ground elsewhere, that is the pose, and it is proved.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .contact import NEARLY, TOLERANCE, WIDEST
+from .flat_cell import TIE
+from .ground import META_DX, META_DY, META_NX, META_NY
+from .jit import fused, njit
+from .lanes import (
+    ALL,
+    AZ,
+    COSINE,
+    GAP,
+    GX,
+    GY,
+    LANES,
+    LIVE,
+    OX,
+    OY,
+    OZ,
+    PLACE,
+    SINE,
+    TX,
+    TY,
+    TZ,
+    UZ,
+    VX,
+    VY,
+    Q,
+    X,
+    Y,
+    place_body,
+    place_wheels,
+    rows,
+    slopes,
+    solve_step,
+    take_step,
+)
+from .linkage import P_HALF, P_HUB, P_PIVOT, P_RADIUS
+from .edges import (
+    EDGE_ROWS,
+    clear_above,
+    follow_insides,
+    nodes_under,
+    search_insides,
+    set_treads,
+    take_heights,
+)
+from .rims import (
+    CI,
+    CJ,
+    DOUBT,
+    H00,
+    H01,
+    H10,
+    H11,
+    L_COL,
+    L_COSINE,
+    L_GX,
+    L_GY,
+    L_PLACE,
+    L_ROW,
+    L_SINE,
+    LEAST,
+    RIM,
+    corners,
+    follow_rims,
+    no_gap,
+    search_rims,
+)
+
+Array = NDArray[np.float64]
+
+# A wheel: the cell of its contact; 1 where the search could not tell.
+COL, ROW, ASTRAY, _lane = rows(EDGE_ROWS, (ALL,) * 3)
+# A pose: the greatest of its gaps; 1 if it is settled and proved.
+DEEPEST, SETTLED, ROUGH_ROWS = rows(_lane, (LANES,) * 2)
+
+FOLLOWED = 4  # steps on contacts that are followed
+
+
+@fused
+def start(S: Array, grid: Array, meta: Array, rover: Array) -> None:
+    """Level over the ground, then a step as if each wheel stood on the ground right under its hub, and that were level."""
+    height = rover[P_RADIUS] - rover[P_HUB + 2] - rover[P_PIVOT + 2]
+    for l in range(LANES):
+        S[OX + l] = S[OY + l] = 0.0
+    heights(S, grid, meta, 0)
+    for l in range(LANES):
+        h = -S[GAP + l]
+        S[Q + l] = (h if h == h else 0.0) + height  # a hole under the body alone is no matter
+        S[Q + LANES + l] = S[Q + 2 * LANES + l] = S[Q + 3 * LANES + l] = S[Q + 4 * LANES + l] = S[Q + 5 * LANES + l] = 0.0
+        S[LIVE + l] = 1.0
+    place_body(S, rover)
+    place_wheels(S, rover)
+    for i in range(6):
+        heights(S, grid, meta, i)
+        radius = rover[P_RADIUS + i]
+        for l in range(LANES):
+            k = i * LANES + l
+            S[GAP + k] += S[Q + l] + S[OZ + k] - radius
+            S[TX + k], S[TY + k], S[TZ + k], S[GX + k], S[GY + k] = 0.0, 0.0, -radius, 0.0, 0.0
+    slopes(S, rover)
+    solve_step(S)
+    take_step(S)
+
+
+@fused
+def heights(S: Array, grid: Array, meta: Array, i: int) -> None:
+    """GAP of wheel i: how far the ground under its hub lies below the map's level."""
+    i = min(max(i, 0), 5)
+    over_x, over_y = 1.0 / meta[META_DX], 1.0 / meta[META_DY]
+    for l in range(LANES):
+        k = i * LANES + l
+        S[CI + l], S[CJ + l] = np.floor((S[X + l] + S[OX + k]) * over_x), np.floor((S[Y + l] + S[OY + k]) * over_y)
+    corners(S, grid, meta)
+    for l in range(LANES):
+        k = i * LANES + l
+        u, v = (S[X + l] + S[OX + k]) * over_x - S[CI + l], (S[Y + l] + S[OY + k]) * over_y - S[CJ + l]
+        low, high = S[H00 + l] + u * (S[H01 + l] - S[H00 + l]), S[H10 + l] + u * (S[H11 + l] - S[H10 + l])
+        S[GAP + k] = -low - v * (high - low)
+
+
+@fused
+def hold(S: Array, meta: Array, rover: Array, i: int) -> None:
+    """Keep what was found of wheel i."""
+    i = min(max(i, 0), 5)
+    radius = rover[P_RADIUS + i]
+    half = rover[P_HALF + i]
+    reach = radius + half
+    end_x, end_y = (meta[META_NX] - 1.0) * meta[META_DX], (meta[META_NY] - 1.0) * meta[META_DY]
+    for l in range(LANES):
+        k = i * LANES + l
+        sine, cosine, place, gap = S[L_SINE + l], S[L_COSINE + l], S[L_PLACE + l], S[LEAST + l]
+        S[SINE + k], S[COSINE + k], S[PLACE + k], S[GAP + k] = sine, cosine, place, gap
+        S[COL + k], S[ROW + k], gx, gy = S[L_COL + l], S[L_ROW + l], S[L_GX + l], S[L_GY + l]
+        vx, vy, az, uz = S[VX + k], S[VY + k], S[AZ + k], S[UZ + k]
+        # inside its width the tread's own slope, else that of the ground
+        steep, inside = sine / (cosine * uz), abs(place) < half
+        S[GX + k], S[GY + k] = (steep * vy + az / uz * vx if inside else gx), (az / uz * vy - steep * vx if inside else gy)
+        u, q = radius * sine, radius * cosine
+        along = place * uz + q * az
+        S[TX + k], S[TY + k], S[TZ + k] = u * vy + along * vx, along * vy - u * vx, place * az - q * uz
+        x, y = S[X + l] + S[OX + k], S[Y + l] + S[OY + k]
+        good = (x > reach) & (x < end_x - reach) & (y > reach) & (y < end_y - reach)
+        S[ASTRAY + k] = 0.0 if good & (S[DOUBT + l] >= gap - TIE) & (abs(gap) < math.inf) else 1.0
+
+
+@njit
+def search(S: Array, grid: Array, meta: Array, rover: Array, all_round: bool) -> None:
+    """The contacts of all wheels, over the lower sides of their treads; and, `all_round`, whether the rest clears the ground."""
+    for i in range(6):
+        half = rover[P_HALF + i]
+        no_gap(S)
+        for side in range(1 if half == 0.0 else 2):
+            for l in range(LANES):
+                S[RIM + l] = half if side == 0 else -half
+            search_rims(S, grid, meta, rover, i)
+        if half > 0.0 or all_round:
+            set_treads(S, rover, meta, i)
+            columns, lines = nodes_under(S)
+            take_heights(S, grid, columns, lines)
+            if half > 0.0:
+                search_insides(S, grid, meta, rover, i, columns, lines)
+            if all_round:
+                clear_above(S, rover, i)
+        hold(S, meta, rover, i)
+
+
+@njit
+def follow(S: Array, grid: Array, meta: Array, rover: Array) -> None:
+    """The contacts of all wheels in the cells they were in."""
+    for i in range(6):
+        half = rover[P_HALF + i]
+        no_gap(S)
+        for l in range(LANES):
+            k = i * LANES + l
+            S[RIM + l], S[CI + l], S[CJ + l] = math.copysign(half, S[PLACE + k]), S[COL + k], S[ROW + k]
+        follow_rims(S, grid, meta, rover, i)
+        if half > 0.0:
+            set_treads(S, rover, meta, i)
+            follow_insides(S, rover, meta, i)
+        hold(S, meta, rover, i)
+
+
+@fused
+def deepest(S: Array) -> None:
+    """Fill DEEPEST; nan where a gap is."""
+    for l in range(LANES):
+        S[DEEPEST + l] = 0.0
+    for i in range(6):
+        for l in range(LANES):
+            gap = abs(S[GAP + i * LANES + l])
+            S[DEEPEST + l] = S[DEEPEST + l] if gap <= S[DEEPEST + l] else gap
+
+
+@njit
+def prove(S: Array) -> float:
+    """After a search: SETTLED where all is proved, and LIVE where it is to go on; how many of these there are."""
+    deepest(S)
+    live = 0.0
+    for l in range(LANES):
+        if S[SETTLED + l] == 0.0 and S[LIVE + l] >= 0.0:
+            done = S[DEEPEST + l] < TOLERANCE
+            lost = not S[DEEPEST + l] < math.inf
+            if done:
+                for i in range(6):
+                    lost |= S[ASTRAY + i * LANES + l] != 0.0
+                for n in range(1, 6):
+                    lost |= abs(S[Q + n * LANES + l]) > WIDEST
+            S[SETTLED + l] = 1.0 if done and not lost else 0.0
+            S[LIVE + l] = -1.0 if lost else (0.0 if done else 1.0)
+    for l in range(LANES):
+        live += 1.0 if S[LIVE + l] > 0.0 else 0.0
+    return live
+
+
+@njit
+def settle(S: Array, ground: tuple[Array, Array, Array], rover: Array, count: int, rounds: int) -> None:
+    """Settle the lanes from where they are"""
+    grid, _, meta = ground
+    for l in range(LANES):
+        S[SETTLED + l] = 0.0
+        S[LIVE + l] = 1.0 if l < count else -1.0
+    place_body(S, rover)
+    place_wheels(S, rover)
+    search(S, grid, meta, rover, False)
+    for l in range(LANES):
+        S[ASTRAY + l] = 1.0  # not all round yet
+    for _ in range(rounds):
+        if prove(S) == 0.0:
+            return
+        for n in range(FOLLOWED):
+            deepest(S)
+            slopes(S, rover)
+            solve_step(S)
+            take_step(S)
+            live = 0.0
+            for l in range(LANES):
+                S[LIVE + l] = 0.0 if (S[LIVE + l] > 0.0) & (S[DEEPEST + l] < NEARLY) else S[LIVE + l]
+            for l in range(LANES):
+                live += 1.0 if S[LIVE + l] > 0.0 else 0.0
+            place_body(S, rover)
+            place_wheels(S, rover)
+            if live == 0.0:
+                break
+            follow(S, grid, meta, rover)
+        for l in range(LANES):
+            S[LIVE + l] = max(S[LIVE + l], 0.0)
+        search(S, grid, meta, rover, True)
+    prove(S)
