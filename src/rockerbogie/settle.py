@@ -62,11 +62,15 @@ def settle(
     q = np.empty((*shape, 6))
     status = np.empty(shape, dtype=np.uint8)
     report = np.empty((*shape, equilibrium.R_SIZE)) if mode == "equilibrium" else None
+    kernel = batch.settle_cubic if terrain.interpolation == "cubic" else batch.settle_linear
     for at in pieces(shape, CHUNK):
         spots = (flat(px[at]), flat(py[at]), flat(heading[at]), flat_steering(turn[at]), q[at].reshape(-1, 6))
         given, codes = (terrain.packed, rover.packed, *spots), status[at].reshape(-1)
         if report is None:
-            spread(batch.settle_batch, codes.size, *given, codes)
+            spread(kernel, codes.size, *given, codes)
+            left = np.flatnonzero(codes == batch.LEFT)
+            if left.size > 0:
+                spread(batch.settle_left, left.size, *given, codes, left)
         else:
             spread(batch.rest_batch, codes.size, *given, codes, report[at].reshape(-1, equilibrium.R_SIZE))
     return Pose(rover, terrain, px, py, heading, turn, q, status, report)

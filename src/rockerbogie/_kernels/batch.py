@@ -7,12 +7,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .block import BLOCK_SIZE, VERDICT, load, settle_block
+from . import rough
+from .block import BLOCK_SIZE, ROUNDS, VERDICT, load, settle_block
 from .contact import CONVERGED, JOINT_STOP, beyond_stops, settle_contact
 from .equilibrium import settle_equilibrium
-from .ground import META_CUBIC, META_X, META_Y, META_Z, loan
-from .jit import bare, njit
-from .lanes import LANES, Q
+from .ground import META_X, META_Y, META_Z, loan
+from .jit import bare, inlined, njit
+from .lanes import LANES, LIVE, Q
 from .linkage import P_BOX, PITCH, ROLL, Z, body_axes, stand, stand_feet
 from .proof import LEAST
 from .tread import FOUND, Ground, least_gap, patches
@@ -36,40 +37,96 @@ from .work import WORK_SIZE, lay_out
 Array = NDArray[np.float64]
 
 
+LEFT = 255  # as a status: a pose that the lanes have not settled, and `settle_left` is to
+
+
 @njit
-def settle_batch(
-    ground: Ground,
-    rover: Array,
-    x: Array,
-    y: Array,
-    yaw: Array,
-    steering: Array,
-    out: Array,
-    status: NDArray[np.uint8],
-    start: int,
-    stop: int,
-) -> None:
-    """Contact mode. x, y, yaw (n,), steering (n, 6) or (1, 6); fills out (n, 6) as linkage's q, and status (n,)."""
-    buffer, block = np.empty(WORK_SIZE), np.empty(BLOCK_SIZE)
+def settle_cubic(
+    ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, out: Array, status: NDArray[np.uint8],
+    start: int, stop: int,
+) -> None:  # fmt: skip
+    """Contact mode on cubic ground. x, y, yaw (n,), steering (n, 6) or (1, 6); fills out (n, 6) as linkage's q, and
+    status (n,), with LEFT among them."""
+    buffer, block, which = np.empty(WORK_SIZE), np.empty(BLOCK_SIZE), np.empty(LANES, np.int64)
     work, land, car, meta, q, S = lay_out(buffer), loan(ground), bare(rover), bare(ground[2]), bare(out), bare(block)
-    cubic = meta[META_CUBIC] != 0.0
     for first in range(start, stop, LANES):
         count = min(LANES, stop - first)
-        if cubic:
-            load(S, car, meta, x, y, yaw, steering, first, count, first == start, work)
-            settle_block(S, land, car, count, work)
         for l in range(count):
-            k = first + l
-            if cubic and S[VERDICT + l] == LEAST:
+            which[l] = first + l
+        load(S, car, meta, x, y, yaw, steering, which, count, first == start, work)
+        settle_block(S, land, car, count, work)
+        for l in range(count):
+            keep_lane(S, l, car, meta, q, status, first + l, S[VERDICT + l] == LEAST)
+    buffer[0] = block[0] = 0.0  # their last use: they live till here
+
+
+@njit
+def settle_linear(
+    ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, out: Array, status: NDArray[np.uint8],
+    start: int, stop: int,
+) -> None:  # fmt: skip
+    """As `settle_cubic`, on linear ground. Poses that need more than one round wait until there is a block of them."""
+    buffer, block = np.empty(WORK_SIZE), np.empty(rough.ROUGH_ROWS)
+    which, wait = np.empty(LANES, np.int64), np.empty(2 * LANES, np.int64)
+    work, land, car, meta, q, S = lay_out(buffer), loan(ground), bare(rover), bare(ground[2]), bare(out), bare(block)
+    waiting, first = 0, start
+    while first < stop or waiting > 0:
+        anew = waiting < LANES and first < stop  # else those that wait
+        count = min(LANES, stop - first if anew else waiting)
+        for l in range(count):
+            which[l] = first + l if anew else wait[l]
+        load(S, car, meta, x, y, yaw, steering, which, count, first == start, work)
+        if anew:
+            first += count
+            rough.start(S, land[0], meta, car)
+        else:
+            waiting -= count
+            for l in range(waiting):
+                wait[l] = wait[count + l]
+            for l in range(LANES):
+                for n in range(6):
+                    S[Q + n * LANES + l] = q[which[min(l, count - 1)], n]
+        rough.settle(S, land, car, count, 1 if anew else ROUNDS)
+        for l in range(count):
+            k = which[l]
+            if anew and S[rough.SETTLED + l] == 0.0 and S[LIVE + l] >= 0.0:
                 for n in range(6):
                     q[k, n] = S[Q + n * LANES + l]
-                status[k] = JOINT_STOP if beyond_stops(car, q[k]) else CONVERGED
+                wait[waiting] = k
+                waiting += 1
             else:
-                stand_feet(car, steering[k if steering.shape[0] > 1 else 0], work.feet)
-                px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
-                status[k] = settle_contact(land, car, px, py, math.cos(yaw[k]), math.sin(yaw[k]), q[k], work)
-            q[k, Z] += meta[META_Z]
-    buffer[0] = block[0] = 0.0  # their last use: they live till here
+                keep_lane(S, l, car, meta, q, status, k, S[rough.SETTLED + l] != 0.0)
+    buffer[0] = block[0] = 0.0
+
+
+@inlined
+def keep_lane(S: Array, l: int, rover: Array, meta: Array, q: Array, status: NDArray[np.uint8], k: int, settled: bool) -> None:
+    """Pose k is what lane l has come to, or LEFT."""
+    if settled:
+        for n in range(6):
+            q[k, n] = S[Q + n * LANES + l]
+        status[k] = JOINT_STOP if beyond_stops(rover, q[k]) else CONVERGED
+        q[k, Z] += meta[META_Z]
+    else:
+        status[k] = LEFT
+
+
+@njit
+def settle_left(
+    ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, out: Array, status: NDArray[np.uint8],
+    left: NDArray[np.int64],
+    start: int, stop: int,
+) -> None:  # fmt: skip
+    """Contact mode, pose by pose: those that are `left`."""
+    buffer = np.empty(WORK_SIZE)
+    work, land, car, meta, q = lay_out(buffer), loan(ground), bare(rover), bare(ground[2]), bare(out)
+    for n in range(start, stop):
+        k = left[n]
+        stand_feet(car, steering[k if steering.shape[0] > 1 else 0], work.feet)
+        px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
+        status[k] = settle_contact(land, car, px, py, math.cos(yaw[k]), math.sin(yaw[k]), q[k], work)
+        q[k, Z] += meta[META_Z]
+    buffer[0] = 0.0
 
 
 @njit

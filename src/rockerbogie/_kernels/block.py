@@ -27,13 +27,13 @@ ROUNDS = 5  # proofs that may send a lane on from a lower place
 
 @inlined
 def load(
-    S: Array, rover: Array, meta: Array, x: Array, y: Array, yaw: Array, steering: Array, first: int, count: int, fresh: bool,
-    work: Work,
+    S: Array, rover: Array, meta: Array, x: Array, y: Array, yaw: Array, steering: Array, which: NDArray[np.int64], count: int,
+    fresh: bool, work: Work,
 ) -> None:  # fmt: skip
-    """Fill a block with the `count` poses from `first` on, the last one again where there is room. Steering that serves all
+    """Fill a block with the first `count` poses of `which`, the last one again where there is room. Steering that serves all
     poses is set in a fresh block only."""
     for l in range(lanes.LANES):
-        k = first + min(l, count - 1)
+        k = which[min(l, count - 1)]
         S[lanes.X + l], S[lanes.Y + l] = x[k] - meta[META_X], y[k] - meta[META_Y]
         S[lanes.CY + l] = yaw[k] if abs(yaw[k]) < FAR else 0.0
         if fresh or steering.shape[0] > 1:
@@ -43,7 +43,7 @@ def load(
                     S[lanes.FX + n * lanes.ALL + i * lanes.LANES + l] = work.feet[i, n]
     lanes.head(S)
     for l in range(lanes.LANES):
-        k = first + min(l, count - 1)
+        k = which[min(l, count - 1)]
         if abs(yaw[k]) >= FAR:
             S[lanes.CY + l], S[lanes.SY + l] = math.cos(yaw[k]), math.sin(yaw[k])
 

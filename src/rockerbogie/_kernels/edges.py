@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .flat_cell import TIE
 from .ground import META_DX, META_DY, META_NX, META_NY
 from .jit import fused, inlined, njit
-from .lanes import AZ, LANES, OX, OY, OZ, SINE, UZ, VX, VY, Q, X, Y, rows
+from .lanes import AZ, LANES, OX, OY, OZ, PLACE, SINE, UZ, VX, VY, Q, X, Y, rows
 from .linkage import P_HALF, P_RADIUS
 from .rims import (
     CI,
@@ -34,10 +34,9 @@ from .rims import (
     LOW,
     NONE,
     PIECE,
-    RHO,
     RIM_ROWS,
+    A,
     B,
-    H2,
     corners,
     next_lowest,
 )
@@ -48,8 +47,8 @@ ROOM = 1024  # nodes under one wheel, at most
 TINY = 1e-14  # m: an edge right along the axle has no place where it is least; either end will do
 
 # A wheel: its hub's height, cos τ, tan τ, 1 / cos τ and the axle's z; u and v from its hub at the map's first node, and how they
-# change from node to node along x and y, and the inverse of u's change; the tangent plane; the first and last node under it along x and y; their highest.
-ZH, COS, TAN, OVER, AXLE_Z, U0, V0, U_X, U_Y, V_X, V_Y, OVER_X, OVER_Y, P_0, P_U, COL_0, ROW_0, COL_1, ROW_1, DET, TOP, _nodes = rows(
+# change from node to node along x and y, and the inverse of u's change; the tangent plane; the first and last node under it along x and y.
+ZH, COS, TAN, OVER, AXLE_Z, U0, V0, U_X, U_Y, V_X, V_Y, OVER_X, OVER_Y, P_0, P_U, COL_0, ROW_0, COL_1, ROW_1, DET, HALF, _nodes = rows(
     RIM_ROWS, (LANES,) * 21
 )
 # The nodes under a wheel, row by row: their heights, and the bounds of the cells they are the low corners of.
@@ -73,7 +72,7 @@ def set_treads(S: Array, rover: Array, meta: Array, i: int) -> None:
         S[U0 + l], S[V0 + l] = y * vx - x * vy, -x * vx - y * vy
         S[U_X + l], S[U_Y + l], S[V_X + l], S[V_Y + l] = vy * dx, -vx * dy, vx * dx, vy * dy
         S[OVER_X + l], S[OVER_Y + l] = 1.0 / (vy * dx + TINY), 1.0 / (TINY - vx * dy)
-        S[DET + l] = dx * dy
+        S[DET + l], S[HALF + l] = dx * dy, half
         slope = sine / cosine * over
         S[P_0 + l], S[P_U + l] = S[Q + l] + S[OZ + k] - radius * cosine * over - slope * radius * sine, slope
         far_x = half * abs(uz * vx) + radius * math.sqrt(vy * vy + az * az * vx * vx)
@@ -102,10 +101,8 @@ def nodes_under(S: Array) -> tuple[int, int]:
 
 @fused
 def take_heights(S: Array, grid: Array, columns: int, lines: int) -> None:
-    """Fill HEIGHTS and TOP."""
+    """Fill HEIGHTS, row by row; a lane that has fewer nodes along x or y has its last ones again."""
     columns, lines = min(max(columns, 0), ROOM), min(max(lines, 0), ROOM)
-    for l in range(LANES):
-        S[TOP + l] = -math.inf
     for m in range(lines):
         for n in range(columns):
             at = HEIGHTS + min(m * columns + n, ROOM - 1) * LANES
@@ -115,20 +112,35 @@ def take_heights(S: Array, grid: Array, columns: int, lines: int) -> None:
             for l in range(LANES):
                 S[H00 + l] = grid[np.uint64(S[CJ + l]), np.uint64(S[CI + l])]
             for l in range(LANES):
-                h, top = S[H00 + l], S[TOP + l]
-                S[at + l] = h
-                S[TOP + l] = top if h <= top else h  # nan too
+                S[at + l] = S[H00 + l]
 
 
 @fused
-def clear_above(S: Array, rover: Array, i: int) -> None:
-    """DOUBT unless what is left out of the search, a tread's upper side and the ends of its rims' lower halves, is higher over
-    all ground under the wheel than what was found: that is about as high as the axle."""
-    i = min(max(i, 0), 5)
-    half = rover[P_HALF + i]
+def clear_above(S: Array, meta: Array, columns: int, lines: int) -> None:
+    """DOUBT where what the search leaves out, a tread's upper side and the ends of its rims' lower halves, might be nearer.
+
+    It is not where the ground is less steep than the way up to it. From a point of the lower side straight up the wheel that
+    rises uz over |az|; around a rim from where it turns back, cos φ = |B| / sqrt(A² + B²), at least uz sin φ over
+    sqrt(cos² φ + az²).
+    """
+    columns, lines = min(max(columns, 0), ROOM), min(max(lines, 0), ROOM)
+    over_x, over_y = 1.0 / (meta[META_DX] * meta[META_DX]), 1.0 / (meta[META_DY] * meta[META_DY])
     for l in range(LANES):
-        doubt, rest = S[DOUBT + l], S[ZH + l] - half * abs(S[AXLE_Z + l]) - S[RHO + l] * abs(S[B + l]) / math.sqrt(S[H2 + l])
-        S[DOUBT + l] = doubt if rest - S[TOP + l] >= S[LEAST + l] else NONE
+        S[H01 + l] = S[H10 + l] = 0.0
+    for m in range(lines - 1):
+        for n in range(columns - 1):
+            at = HEIGHTS + min(m * columns + n, ROOM - 1) * LANES
+            right, above = at + LANES, HEIGHTS + min((m + 1) * columns + n, ROOM - 1) * LANES
+            beyond = above + LANES
+            for l in range(LANES):
+                a, b, d, e, most_x, most_y = S[at + l], S[right + l], S[above + l], S[beyond + l], S[H01 + l], S[H10 + l]
+                by_x, by_y = max(abs(b - a), abs(e - d)), max(abs(d - a), abs(e - b))
+                S[H01 + l] = most_x if by_x <= most_x else by_x  # nan too
+                S[H10 + l] = most_y if by_y <= most_y else by_y
+    for l in range(LANES):
+        a2, b2, az, uz, doubt = S[A + l] * S[A + l], S[B + l] * S[B + l], S[AXLE_Z + l], S[COS + l], S[DOUBT + l]
+        steep = S[H01 + l] * S[H01 + l] * over_x + S[H10 + l] * S[H10 + l] * over_y
+        S[DOUBT + l] = doubt if steep * (b2 + az * az * (a2 + b2)) <= uz * uz * a2 else NONE
 
 
 @inlined
@@ -165,7 +177,7 @@ def _hold(S: Array, l: int, gap: float, sine: float, cosine: float, s: float, co
 def all_edges(S: Array, rover: Array, i: int, columns: int, lines: int) -> None:
     """The least gap over the edges between HEIGHTS of wheel i."""
     i = min(max(i, 0), 5)
-    radius, half = rover[P_RADIUS + i], rover[P_HALF + i]
+    radius = rover[P_RADIUS + i]
     columns, lines = min(max(columns, 0), ROOM), min(max(lines, 0), ROOM)
     for m in range(lines):
         for n in range(columns):
@@ -180,9 +192,9 @@ def all_edges(S: Array, rover: Array, i: int, columns: int, lines: int) -> None:
                 u, v, h = S[U0 + l] + col * du + row * eu, S[V0 + l] + col * dv + row * ev, S[H00 + l]
                 zh, cos, tan, over, az = S[ZH + l], S[COS + l], S[TAN + l], S[OVER + l], S[AXLE_Z + l]
                 end_col, end_row, over_x, over_y = S[COL_1 + l], S[ROW_1 + l], S[OVER_X + l], S[OVER_Y + l]
-                gap, sine, cosine, s, inside = _edge(radius, half, zh, cos, tan, over, az, h, S[H01 + l], u, v, du, dv, over_x)
+                gap, sine, cosine, s, inside = _edge(radius, S[HALF + l], zh, cos, tan, over, az, h, S[H01 + l], u, v, du, dv, over_x)
                 _hold(S, l, gap, sine, cosine, s, col, row, inside & (col < end_col) & (row <= end_row))
-                gap, sine, cosine, s, inside = _edge(radius, half, zh, cos, tan, over, az, h, S[H10 + l], u, v, eu, ev, over_y)
+                gap, sine, cosine, s, inside = _edge(radius, S[HALF + l], zh, cos, tan, over, az, h, S[H10 + l], u, v, eu, ev, over_y)
                 _hold(S, l, gap, sine, cosine, s, col, row, inside & (col <= end_col) & (row < end_row))
 
 
@@ -190,19 +202,19 @@ def all_edges(S: Array, rover: Array, i: int, columns: int, lines: int) -> None:
 def edges_of_cells(S: Array, rover: Array, i: int) -> None:
     """The least gap of wheel i over the four edges of the cells CI, CJ, whose corners are known."""
     i = min(max(i, 0), 5)
-    radius, half = rover[P_RADIUS + i], rover[P_HALF + i]
+    radius = rover[P_RADIUS + i]
     for l in range(LANES):
         col, row, du, dv, eu, ev = S[CI + l], S[CJ + l], S[U_X + l], S[V_X + l], S[U_Y + l], S[V_Y + l]
         u, v = S[U0 + l] + col * du + row * eu, S[V0 + l] + col * dv + row * ev
         zh, cos, tan, over, az = S[ZH + l], S[COS + l], S[TAN + l], S[OVER + l], S[AXLE_Z + l]
         over_x, over_y = S[OVER_X + l], S[OVER_Y + l]
-        gap, sine, cosine, s, inside = _edge(radius, half, zh, cos, tan, over, az, S[H00 + l], S[H01 + l], u, v, du, dv, over_x)
+        gap, sine, cosine, s, inside = _edge(radius, S[HALF + l], zh, cos, tan, over, az, S[H00 + l], S[H01 + l], u, v, du, dv, over_x)
         _hold(S, l, gap, sine, cosine, s, col, row, inside)
-        gap, sine, cosine, s, inside = _edge(radius, half, zh, cos, tan, over, az, S[H00 + l], S[H10 + l], u, v, eu, ev, over_y)
+        gap, sine, cosine, s, inside = _edge(radius, S[HALF + l], zh, cos, tan, over, az, S[H00 + l], S[H10 + l], u, v, eu, ev, over_y)
         _hold(S, l, gap, sine, cosine, s, col, row, inside)
-        gap, sine, cosine, s, inside = _edge(radius, half, zh, cos, tan, over, az, S[H10 + l], S[H11 + l], u + eu, v + ev, du, dv, over_x)
+        gap, sine, cosine, s, inside = _edge(radius, S[HALF + l], zh, cos, tan, over, az, S[H10 + l], S[H11 + l], u + eu, v + ev, du, dv, over_x)
         _hold(S, l, gap, sine, cosine, s, col, row, inside)
-        gap, sine, cosine, s, inside = _edge(radius, half, zh, cos, tan, over, az, S[H01 + l], S[H11 + l], u + du, v + dv, eu, ev, over_y)
+        gap, sine, cosine, s, inside = _edge(radius, S[HALF + l], zh, cos, tan, over, az, S[H01 + l], S[H11 + l], u + du, v + dv, eu, ev, over_y)
         _hold(S, l, gap, sine, cosine, s, col, row, inside)
 
 
@@ -250,7 +262,7 @@ def insides(S: Array, rover: Array, meta: Array, i: int) -> None:
     comes to rise through 0 from the line's far ends: from the right one if it rises there, else from the left one.
     """
     i = min(max(i, 0), 5)
-    radius, half = rover[P_RADIUS + i], rover[P_HALF + i]
+    radius = rover[P_RADIUS + i]
     end = 0.9999999 * radius
     for l in range(LANES):
         col, row, tan, over, cos = S[CI + l], S[CJ + l], S[TAN + l], S[OVER + l], S[COS + l]
@@ -301,7 +313,7 @@ def insides(S: Array, rover: Array, meta: Array, i: int) -> None:
         found = (abs(off) < 1e-6) & (steep > 0.0)
         none = gone | ((f1 <= 0.0) & (f0 >= 0.0))
         S[DOUBT + l] = min(doubt, low) if hollow & (twice | (not (found | none))) else doubt
-        there = hollow & found & (not none) & (at >= left) & (at <= right) & (abs(s) <= half)
+        there = hollow & found & (not none) & (at >= left) & (at <= right) & (abs(s) <= S[HALF + l])
         _hold(S, l, gap, m * w, w, s, col, row, there)
 
 
@@ -336,8 +348,10 @@ def search_insides(S: Array, grid: Array, meta: Array, rover: Array, i: int, col
 
 @njit
 def follow_insides(S: Array, rover: Array, meta: Array, i: int) -> None:
-    """The least gap of wheel i inside its tread over the cells CI, CJ, whose corners are known."""
+    """The least gap of wheel i over the cells CI, CJ, whose corners are known, for those that do not touch with a rim."""
+    half = rover[P_HALF + i]
     for l in range(LANES):
-        S[LOW + l] = NONE
+        inside = abs(S[PLACE + i * LANES + l]) < half
+        S[HALF + l], S[LOW + l] = (half, NONE) if inside else (-1.0, math.inf)
     edges_of_cells(S, rover, i)
     insides(S, rover, meta, i)

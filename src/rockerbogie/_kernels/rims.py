@@ -22,7 +22,7 @@ from .flat_cell import TIE
 from .ground import META_DX, META_DY, META_NX, META_NY
 from .jit import fused, inlined, njit
 from .lanes import ALL, AZ, COSINE, GAP, GX, GY, LANES, OX, OY, OZ, PLACE, ROWS, SINE, UZ, VX, VY, Q, X, Y, rows
-from .linkage import P_RADIUS
+from .linkage import P_HALF, P_RADIUS
 
 Array = NDArray[np.float64]
 
@@ -325,11 +325,12 @@ def search_rims(S: Array, grid: Array, meta: Array, rover: Array, i: int) -> Non
 
 @njit
 def follow_rims(S: Array, grid: Array, meta: Array, rover: Array, i: int) -> None:
-    """The least gap of the rims at RIM of wheel i over the cells CI, CJ."""
+    """The least gap of the rims at RIM of wheel i over the cells CI, CJ, for those that touch with it."""
     set_rims(S, rover, meta, i)
+    half = rover[P_HALF + i]
     for l in range(LANES):
         swap = S[SWAP + l] > 0.0
         S[CP + l], S[CT + l] = (S[CJ + l] if swap else S[CI + l]), (S[CI + l] if swap else S[CJ + l])
-        S[LOW + l] = NONE
+        S[LOW + l] = NONE if abs(S[PLACE + i * LANES + l]) >= half else math.inf
     corners(S, grid, meta)
     nearest(S, meta)

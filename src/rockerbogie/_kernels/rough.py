@@ -71,6 +71,10 @@ from .rims import (
     L_ROW,
     L_SINE,
     LEAST,
+    LOW,
+    S_IN,
+    S_MID,
+    C_MID,
     RIM,
     corners,
     follow_rims,
@@ -88,51 +92,74 @@ DEEPEST, SETTLED, ROUGH_ROWS = rows(_lane, (LANES,) * 2)
 FOLLOWED = 4  # steps on contacts that are followed
 
 
-@fused
+@njit
 def start(S: Array, grid: Array, meta: Array, rover: Array) -> None:
-    """Level over the ground, then a step as if each wheel stood on the ground right under its hub, and that were level."""
+    """Level over the ground, then a step on treads that are sounded at a few points only."""
     height = rover[P_RADIUS] - rover[P_HUB + 2] - rover[P_PIVOT + 2]
     for l in range(LANES):
-        S[OX + l] = S[OY + l] = 0.0
-    heights(S, grid, meta, 0)
-    for l in range(LANES):
-        h = -S[GAP + l]
-        S[Q + l] = (h if h == h else 0.0) + height  # a hole under the body alone is no matter
+        S[LIVE + l], S[Q + l] = 1.0, 0.0
         S[Q + LANES + l] = S[Q + 2 * LANES + l] = S[Q + 3 * LANES + l] = S[Q + 4 * LANES + l] = S[Q + 5 * LANES + l] = 0.0
-        S[LIVE + l] = 1.0
+        S[S_MID + l], S[C_MID + l] = S[X + l], S[Y + l]
+    ground_under(S, grid, meta)
+    for l in range(LANES):
+        h = S[LOW + l]
+        S[Q + l] = (h if h == h else 0.0) + height  # a hole under the body alone is no matter
     place_body(S, rover)
     place_wheels(S, rover)
     for i in range(6):
-        heights(S, grid, meta, i)
-        radius = rover[P_RADIUS + i]
-        for l in range(LANES):
-            k = i * LANES + l
-            S[GAP + k] += S[Q + l] + S[OZ + k] - radius
-            S[TX + k], S[TY + k], S[TZ + k], S[GX + k], S[GY + k] = 0.0, 0.0, -radius, 0.0, 0.0
+        half = rover[P_HALF + i]
+        no_gap(S)
+        for n in range(1 if half == 0.0 else SOUNDINGS):
+            s = half * SIDES[n]
+            sound(S, rover, i, SINES[n], COSINES[n], s)
+            ground_under(S, grid, meta)
+            for l in range(LANES):
+                gap = S[S_IN + l] - S[LOW + l]
+                if gap < S[LEAST + l]:
+                    S[LEAST + l], S[L_SINE + l], S[L_COSINE + l], S[L_PLACE + l] = gap, SINES[n], COSINES[n], s
+        hold(S, meta, rover, i, 2.0 * half + 1.0)
     slopes(S, rover)
     solve_step(S)
     take_step(S)
 
 
+# Points of a tread that are sounded first: under the hub, and around it.
+_AHEAD = (0.0, 0.5, -0.5, 0.85, -0.85)
+SINES = tuple(sine for sine in _AHEAD for _ in range(3))
+COSINES = tuple(math.sqrt(1.0 - sine * sine) for sine in SINES)
+SIDES = (0.0, -1.0, 1.0) * 5
+SOUNDINGS = len(SINES)
+
+
 @fused
-def heights(S: Array, grid: Array, meta: Array, i: int) -> None:
-    """GAP of wheel i: how far the ground under its hub lies below the map's level."""
+def sound(S: Array, rover: Array, i: int, sine: float, cosine: float, s: float) -> None:
+    """A point of each tread of wheel i: its place S_MID, C_MID and its height S_IN."""
     i = min(max(i, 0), 5)
+    u, q = rover[P_RADIUS + i] * sine, rover[P_RADIUS + i] * cosine
+    for l in range(LANES):
+        k = i * LANES + l
+        vx, vy, az, uz = S[VX + k], S[VY + k], S[AZ + k], S[UZ + k]
+        along = s * uz + q * az
+        S[S_MID + l], S[C_MID + l] = S[X + l] + S[OX + k] + u * vy + along * vx, S[Y + l] + S[OY + k] + along * vy - u * vx
+        S[S_IN + l] = S[Q + l] + S[OZ + k] + s * az - q * uz
+
+
+@fused
+def ground_under(S: Array, grid: Array, meta: Array) -> None:
+    """The ground's height LOW at S_MID, C_MID."""
     over_x, over_y = 1.0 / meta[META_DX], 1.0 / meta[META_DY]
     for l in range(LANES):
-        k = i * LANES + l
-        S[CI + l], S[CJ + l] = np.floor((S[X + l] + S[OX + k]) * over_x), np.floor((S[Y + l] + S[OY + k]) * over_y)
+        S[CI + l], S[CJ + l] = np.floor(S[S_MID + l] * over_x), np.floor(S[C_MID + l] * over_y)
     corners(S, grid, meta)
     for l in range(LANES):
-        k = i * LANES + l
-        u, v = (S[X + l] + S[OX + k]) * over_x - S[CI + l], (S[Y + l] + S[OY + k]) * over_y - S[CJ + l]
+        u, v = S[S_MID + l] * over_x - S[CI + l], S[C_MID + l] * over_y - S[CJ + l]
         low, high = S[H00 + l] + u * (S[H01 + l] - S[H00 + l]), S[H10 + l] + u * (S[H11 + l] - S[H10 + l])
-        S[GAP + k] = -low - v * (high - low)
+        S[LOW + l] = low + v * (high - low)
 
 
 @fused
-def hold(S: Array, meta: Array, rover: Array, i: int) -> None:
-    """Keep what was found of wheel i."""
+def hold(S: Array, meta: Array, rover: Array, i: int, width: float) -> None:
+    """Keep what was found of wheel i. Inside so much of its half width the contact's slope is the tread's own, else the ground's."""
     i = min(max(i, 0), 5)
     radius = rover[P_RADIUS + i]
     half = rover[P_HALF + i]
@@ -144,8 +171,7 @@ def hold(S: Array, meta: Array, rover: Array, i: int) -> None:
         S[SINE + k], S[COSINE + k], S[PLACE + k], S[GAP + k] = sine, cosine, place, gap
         S[COL + k], S[ROW + k], gx, gy = S[L_COL + l], S[L_ROW + l], S[L_GX + l], S[L_GY + l]
         vx, vy, az, uz = S[VX + k], S[VY + k], S[AZ + k], S[UZ + k]
-        # inside its width the tread's own slope, else that of the ground
-        steep, inside = sine / (cosine * uz), abs(place) < half
+        steep, inside = sine / (cosine * uz), abs(place) < width
         S[GX + k], S[GY + k] = (steep * vy + az / uz * vx if inside else gx), (az / uz * vy - steep * vx if inside else gy)
         u, q = radius * sine, radius * cosine
         along = place * uz + q * az
@@ -172,8 +198,8 @@ def search(S: Array, grid: Array, meta: Array, rover: Array, all_round: bool) ->
             if half > 0.0:
                 search_insides(S, grid, meta, rover, i, columns, lines)
             if all_round:
-                clear_above(S, rover, i)
-        hold(S, meta, rover, i)
+                clear_above(S, meta, columns, lines)
+        hold(S, meta, rover, i, half)
 
 
 @njit
@@ -189,7 +215,7 @@ def follow(S: Array, grid: Array, meta: Array, rover: Array) -> None:
         if half > 0.0:
             set_treads(S, rover, meta, i)
             follow_insides(S, rover, meta, i)
-        hold(S, meta, rover, i)
+        hold(S, meta, rover, i, half)
 
 
 @fused
