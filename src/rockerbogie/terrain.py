@@ -177,6 +177,7 @@ class Whole(NamedTuple):
     name: str
     level: float  # kept apart from the heights, so that -4,450 m does not eat the last digits
     bend: float | None  # ground.META_BEND; None: to be found, as this is all of the map
+    steep: float = np.inf  # ground.META_STEEP of bilinear ground, where it has been found
 
 
 def middle(lowest: float, highest: float) -> float:
@@ -197,9 +198,10 @@ def lay(heights: Array, first: tuple[int, int], rows: tuple[int, int], cols: tup
     To the last bit what the whole map has there. Whoever settles on a window keeps all of the rover well within it.
     """
     part = heights[rows[0] - first[0] : rows[1] - first[0], cols[0] - first[1] : cols[1] - first[1]]
-    bend = np.inf
+    bend = steep = np.inf
     if whole.interpolation == "linear":
         grid = roof = np.ascontiguousarray(part - whole.level)
+        steep = _steepest(grid, whole.spacing) if whole.bend is None else whole.steep
     else:
         # a node more around, as the roof over a node leans on the four cells about it
         (r0, r1), (c0, c1) = ((max(a - 1, 0), min(b + 1, n)) for (a, b), n in zip((rows, cols), whole.shape, strict=True))
@@ -211,10 +213,18 @@ def lay(heights: Array, first: tuple[int, int], rows: tuple[int, int], cols: tup
     meta = np.zeros(ground.META_SIZE)
     meta[[ground.META_X, ground.META_Y, ground.META_Z, ground.META_DX, ground.META_DY]] = x0, y0, whole.level, dx, dy
     meta[[ground.META_NX, ground.META_NY, ground.META_ROW, ground.META_COL]] = *whole.shape[::-1], rows[0], cols[0]
-    meta[[ground.META_CUBIC, ground.META_BEND]] = whole.interpolation == "cubic", bend
+    meta[[ground.META_CUBIC, ground.META_BEND, ground.META_STEEP]] = whole.interpolation == "cubic", bend, steep
     part.setflags(write=False)
     origin = (x0 + cols[0] * dx, y0 + rows[0] * dy)
     return Terrain(part, whole.spacing, origin, whole.interpolation, whole.crs, whole.name, grid, roof, meta)
+
+
+def _steepest(z: Array, spacing: tuple[float, float]) -> float:
+    """A slope that bilinear ground nowhere exceeds; inf where it has holes."""
+    bands = [z[row : row + 257] for row in range(0, z.shape[0] - 1, 256)]  # so much at once
+    along_x, along_y = (np.max([np.abs(np.diff(band, axis=axis)).max() for band in bands]) for axis in (1, 0))
+    slope = float(np.hypot(along_x / spacing[0], along_y / spacing[1]))
+    return slope if np.isfinite(slope) else np.inf
 
 
 def cut(terrain: Terrain, rows: tuple[int, int], cols: tuple[int, int]) -> Terrain:

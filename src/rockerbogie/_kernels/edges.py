@@ -47,9 +47,10 @@ ROOM = 1024  # nodes under one wheel, at most
 TINY = 1e-14  # m: an edge right along the axle has no place where it is least; either end will do
 
 # A wheel: its hub's height, cos τ, tan τ, 1 / cos τ and the axle's z; u and v from its hub at the map's first node, and how they
-# change from node to node along x and y, and the inverse of u's change; the tangent plane; the first and last node under it along x and y.
-ZH, COS, TAN, OVER, AXLE_Z, U0, V0, U_X, U_Y, V_X, V_Y, OVER_X, OVER_Y, P_0, P_U, COL_0, ROW_0, COL_1, ROW_1, DET, HALF, _nodes = rows(
-    RIM_ROWS, (LANES,) * 21
+# change from node to node along x and y, and the inverse of u's change; the tangent plane; the first and last node under it along x and y;
+# what `clear_above` knows and says.
+ZH, COS, TAN, OVER, AXLE_Z, U0, V0, U_X, U_Y, V_X, V_Y, OVER_X, OVER_Y, P_0, P_U, COL_0, ROW_0, COL_1, ROW_1, DET, HALF, STEEP, CLEAR, _nodes = rows(
+    RIM_ROWS, (LANES,) * 23
 )
 # The nodes under a wheel, row by row: their heights, and the bounds of the cells they are the low corners of.
 HEIGHTS, CELL_BOUNDS, EDGE_ROWS = rows(_nodes, (ROOM * LANES,) * 2)
@@ -116,13 +117,25 @@ def take_heights(S: Array, grid: Array, columns: int, lines: int) -> None:
 
 
 @fused
-def clear_above(S: Array, meta: Array, columns: int, lines: int) -> None:
-    """DOUBT where what the search leaves out, a tread's upper side and the ends of its rims' lower halves, might be nearer.
+def clear_above(S: Array) -> float:
+    """How many lanes might be nearer the ground with what the search leaves out, a tread's upper side and the ends of its rims'
+    lower halves; CLEAR is 0 for these and 1 for others, if the ground is nowhere steeper than the square root of STEEP.
 
-    It is not where the ground is less steep than the way up to it. From a point of the lower side straight up the wheel that
-    rises uz over |az|; around a rim from where it turns back, cos φ = |B| / sqrt(A² + B²), at least uz sin φ over
-    sqrt(cos² φ + az²).
+    Then it is less steep than the way up to those places. From a point of the lower side straight up the wheel that rises uz
+    over |az|; around a rim from where it turns back, cos φ = |B| / sqrt(A² + B²), at least uz sin φ over sqrt(cos² φ + az²).
     """
+    for l in range(LANES):
+        a2, b2, az, uz = S[A + l] * S[A + l], S[B + l] * S[B + l], S[AXLE_Z + l], S[COS + l]
+        S[CLEAR + l] = 1.0 if S[STEEP + l] * (b2 + az * az * (a2 + b2)) <= uz * uz * a2 else 0.0
+    lanes = 0.0
+    for l in range(LANES):
+        lanes += 1.0 - S[CLEAR + l]
+    return lanes
+
+
+@fused
+def clear_here(S: Array, meta: Array, columns: int, lines: int) -> None:
+    """DOUBT where the ground between HEIGHTS is too steep for `clear_above`."""
     columns, lines = min(max(columns, 0), ROOM), min(max(lines, 0), ROOM)
     over_x, over_y = 1.0 / (meta[META_DX] * meta[META_DX]), 1.0 / (meta[META_DY] * meta[META_DY])
     for l in range(LANES):
@@ -138,9 +151,11 @@ def clear_above(S: Array, meta: Array, columns: int, lines: int) -> None:
                 S[H01 + l] = most_x if by_x <= most_x else by_x  # nan too
                 S[H10 + l] = most_y if by_y <= most_y else by_y
     for l in range(LANES):
-        a2, b2, az, uz, doubt = S[A + l] * S[A + l], S[B + l] * S[B + l], S[AXLE_Z + l], S[COS + l], S[DOUBT + l]
-        steep = S[H01 + l] * S[H01 + l] * over_x + S[H10 + l] * S[H10 + l] * over_y
-        S[DOUBT + l] = doubt if steep * (b2 + az * az * (a2 + b2)) <= uz * uz * a2 else NONE
+        S[STEEP + l] = S[H01 + l] * S[H01 + l] * over_x + S[H10 + l] * S[H10 + l] * over_y
+    clear_above(S)
+    for l in range(LANES):
+        doubt = S[DOUBT + l]
+        S[DOUBT + l] = doubt if S[CLEAR + l] > 0.0 else NONE
 
 
 @inlined

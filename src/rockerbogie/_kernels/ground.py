@@ -22,9 +22,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 # META_BEND: no second derivative of the ground along any level direction is greater; inf where it has ridges or holes.
+# META_STEEP: bilinear ground is nowhere steeper; inf where that is not known.
 # META_ROW, META_COL: the node that the arrays begin at, 0 where they hold the whole map.
-META_X, META_Y, META_Z, META_DX, META_DY, META_NX, META_NY, META_CUBIC, META_BEND, META_ROW, META_COL = range(11)
-META_SIZE = 11
+META_X, META_Y, META_Z, META_DX, META_DY, META_NX, META_NY, META_CUBIC, META_BEND, META_ROW, META_COL, META_STEEP = range(12)
+META_SIZE = 12
 
 Ground = tuple["NDArray[np.float64]", "NDArray[np.float64]", "NDArray[np.float64]"]  # grid, roof, meta
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .contact import NEARLY, TOLERANCE, WIDEST
 from .flat_cell import TIE
-from .ground import META_DX, META_DY, META_NX, META_NY
+from .ground import META_DX, META_DY, META_NX, META_NY, META_STEEP
 from .jit import fused, njit
 from .lanes import (
     ALL,
@@ -48,7 +48,9 @@ from .lanes import (
 from .linkage import P_HALF, P_HUB, P_PIVOT, P_RADIUS
 from .edges import (
     EDGE_ROWS,
+    STEEP,
     clear_above,
+    clear_here,
     follow_insides,
     nodes_under,
     search_insides,
@@ -191,14 +193,19 @@ def search(S: Array, grid: Array, meta: Array, rover: Array, all_round: bool) ->
             for l in range(LANES):
                 S[RIM + l] = half if side == 0 else -half
             search_rims(S, grid, meta, rover, i)
+        unclear = 0.0
         if half > 0.0 or all_round:
             set_treads(S, rover, meta, i)
+            for l in range(LANES):
+                S[STEEP + l] = meta[META_STEEP] * meta[META_STEEP]
+            unclear = clear_above(S) if all_round else 0.0
+        if half > 0.0 or unclear > 0.0:
             columns, lines = nodes_under(S)
             take_heights(S, grid, columns, lines)
             if half > 0.0:
                 search_insides(S, grid, meta, rover, i, columns, lines)
-            if all_round:
-                clear_above(S, meta, columns, lines)
+            if unclear > 0.0:
+                clear_here(S, meta, columns, lines)
         hold(S, meta, rover, i, half)
 
 

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from .. import spline
-from .._kernels.ground import META_BEND, META_Z
+from .._kernels.ground import META_BEND, META_STEEP, META_Z
 from ..errors import TerrainError
 from ..raster import Raster, open_raster
 from ..rover import Rover
@@ -99,10 +99,10 @@ class InFile:
 
 def hold_ground(terrain: Terrain) -> InMemory:
     """The ground of a terrain."""
-    level, bend = (float(terrain.meta[at]) for at in (META_Z, META_BEND))
+    level, bend, steep = (float(terrain.meta[at]) for at in (META_Z, META_BEND, META_STEEP))
     rows, cols = terrain.z.shape
     outline = ((rows, cols), terrain.spacing, terrain.origin, terrain.interpolation, terrain.crs, terrain.name)
-    return InMemory(terrain, Whole(*outline, level, bend))
+    return InMemory(terrain, Whole(*outline, level, bend, steep))
 
 
 def open_ground(path: Path, band: int, interpolation: Interpolation) -> InFile:
