@@ -117,9 +117,10 @@ class Terrain:
         return cls.from_array(heights, spacing, origin, interpolation, crs=crs, name=Path(path).stem)
 
     @property
-    def packed(self) -> tuple[Array, Array, Array]:
+    def packed(self) -> ground.Ground:
         """All that a kernel reads of the ground."""
-        return self.grid, self.roof, self.meta
+        kind = ground.CubicGround if self.interpolation == "cubic" else ground.LinearGround
+        return kind(self.grid, self.roof, self.meta)
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:

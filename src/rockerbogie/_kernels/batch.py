@@ -11,12 +11,12 @@ from . import rough
 from .block import BLOCK_SIZE, ROUNDS, VERDICT, load, settle_block
 from .contact import CONVERGED, JOINT_STOP, beyond_stops, settle_contact
 from .equilibrium import settle_equilibrium
-from .ground import META_X, META_Y, META_Z, loan
+from .ground import META_X, META_Y, META_Z, Ground, loan
 from .jit import bare, inlined, njit
 from .lanes import LANES, LIVE, Q
 from .linkage import P_BOX, PITCH, ROLL, Z, body_axes, stand, stand_feet
 from .proof import LEAST
-from .tread import FOUND, Ground, least_gap, patches
+from .tread import FOUND, least_gap, patches
 from .underside import NEAR_ROOM, NEAR_SIZE, box_over_ground, least_clearance
 from .wheel import (
     COSINE,

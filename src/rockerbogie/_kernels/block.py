@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from . import lanes, smooth, wheel
 from .contact import TOLERANCE, WIDEST
-from .ground import META_BEND, META_X, META_Y
+from .ground import META_BEND, META_X, META_Y, Ground
 from .jit import inlined
 from .linkage import P_HALF, P_RADIUS, stand_feet
 from .proof import LEAST, LOWER, UNKNOWN, is_least
 from .sincos import FAR
-from .tread import SMOOTH, Ground
+from .tread import SMOOTH
 from .wheel import gap_at
 from .work import Work
 

@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .ground import surface
+from .ground import Ground, surface
 from .jit import inlined, njit
 from .linkage import BOGIE_L, BOGIE_R, P_HUB, P_PIVOT, P_RADIUS, P_STOPS, ROCKER, Z, slope_row, stand
-from .tread import BLANK, FOUND, OFF, Ground, least_gap
+from .tread import BLANK, FOUND, OFF, least_gap
 from .wheel import COSINE, GAP, HX, HY, HZ, PLACE, RADIUS, SIN, contact_slope, tread_point
 from .work import Work
 

@@ -46,12 +46,13 @@ Array = NDArray[np.float64]
 ROOM = 1024  # nodes under one wheel, at most
 TINY = 1e-14  # m: an edge right along the axle has no place where it is least; either end will do
 
-# A wheel: its hub's height, cos τ, tan τ, 1 / cos τ and the axle's z; u and v from its hub at the map's first node, and how they
-# change from node to node along x and y, and the inverse of u's change; the tangent plane; the first and last node under it along x and y;
-# what `clear_above` knows and says.
-ZH, COS, TAN, OVER, AXLE_Z, U0, V0, U_X, U_Y, V_X, V_Y, OVER_X, OVER_Y, P_0, P_U, COL_0, ROW_0, COL_1, ROW_1, DET, HALF, STEEP, CLEAR, _nodes = rows(
-    RIM_ROWS, (LANES,) * 23
-)
+# A wheel: its hub's height, cos τ, tan τ, 1 / cos τ and the axle's z; u and v from its hub at the map's first node, how they
+# change from node to node along x and y, and the inverse of u's change; the plane; the first and last node under it along x and
+# y; a cell's area; its half width, or less than none where no contact is sought; what `clear_above` knows and says.
+(
+    ZH, COS, TAN, OVER, AXLE_Z, U0, V0, U_X, U_Y, V_X, V_Y, OVER_X, OVER_Y, P_0, P_U, COL_0, ROW_0, COL_1, ROW_1,
+    DET, HALF, STEEP, CLEAR, _nodes,
+) = rows(RIM_ROWS, (LANES,) * 23)  # fmt: skip
 # The nodes under a wheel, row by row: their heights, and the bounds of the cells they are the low corners of.
 HEIGHTS, CELL_BOUNDS, EDGE_ROWS = rows(_nodes, (ROOM * LANES,) * 2)
 
@@ -205,11 +206,11 @@ def all_edges(S: Array, rover: Array, i: int, columns: int, lines: int) -> None:
                     S[COL_0 + l] + n, S[ROW_0 + l] + m, S[U_X + l], S[V_X + l], S[U_Y + l], S[V_Y + l],
                 )  # fmt: skip
                 u, v, h = S[U0 + l] + col * du + row * eu, S[V0 + l] + col * dv + row * ev, S[H00 + l]
-                zh, cos, tan, over, az = S[ZH + l], S[COS + l], S[TAN + l], S[OVER + l], S[AXLE_Z + l]
+                half, zh, cos, tan, over, az = S[HALF + l], S[ZH + l], S[COS + l], S[TAN + l], S[OVER + l], S[AXLE_Z + l]
                 end_col, end_row, over_x, over_y = S[COL_1 + l], S[ROW_1 + l], S[OVER_X + l], S[OVER_Y + l]
-                gap, sine, cosine, s, inside = _edge(radius, S[HALF + l], zh, cos, tan, over, az, h, S[H01 + l], u, v, du, dv, over_x)
+                gap, sine, cosine, s, inside = _edge(radius, half, zh, cos, tan, over, az, h, S[H01 + l], u, v, du, dv, over_x)
                 _hold(S, l, gap, sine, cosine, s, col, row, inside & (col < end_col) & (row <= end_row))
-                gap, sine, cosine, s, inside = _edge(radius, S[HALF + l], zh, cos, tan, over, az, h, S[H10 + l], u, v, eu, ev, over_y)
+                gap, sine, cosine, s, inside = _edge(radius, half, zh, cos, tan, over, az, h, S[H10 + l], u, v, eu, ev, over_y)
                 _hold(S, l, gap, sine, cosine, s, col, row, inside & (col <= end_col) & (row < end_row))
 
 
@@ -221,15 +222,19 @@ def edges_of_cells(S: Array, rover: Array, i: int) -> None:
     for l in range(LANES):
         col, row, du, dv, eu, ev = S[CI + l], S[CJ + l], S[U_X + l], S[V_X + l], S[U_Y + l], S[V_Y + l]
         u, v = S[U0 + l] + col * du + row * eu, S[V0 + l] + col * dv + row * ev
-        zh, cos, tan, over, az = S[ZH + l], S[COS + l], S[TAN + l], S[OVER + l], S[AXLE_Z + l]
+        half, zh, cos, tan, over, az = S[HALF + l], S[ZH + l], S[COS + l], S[TAN + l], S[OVER + l], S[AXLE_Z + l]
         over_x, over_y = S[OVER_X + l], S[OVER_Y + l]
-        gap, sine, cosine, s, inside = _edge(radius, S[HALF + l], zh, cos, tan, over, az, S[H00 + l], S[H01 + l], u, v, du, dv, over_x)
+        gap, sine, cosine, s, inside = _edge(radius, half, zh, cos, tan, over, az, S[H00 + l], S[H01 + l], u, v, du, dv, over_x)
         _hold(S, l, gap, sine, cosine, s, col, row, inside)
-        gap, sine, cosine, s, inside = _edge(radius, S[HALF + l], zh, cos, tan, over, az, S[H00 + l], S[H10 + l], u, v, eu, ev, over_y)
+        gap, sine, cosine, s, inside = _edge(radius, half, zh, cos, tan, over, az, S[H00 + l], S[H10 + l], u, v, eu, ev, over_y)
         _hold(S, l, gap, sine, cosine, s, col, row, inside)
-        gap, sine, cosine, s, inside = _edge(radius, S[HALF + l], zh, cos, tan, over, az, S[H10 + l], S[H11 + l], u + eu, v + ev, du, dv, over_x)
+        gap, sine, cosine, s, inside = _edge(
+            radius, half, zh, cos, tan, over, az, S[H10 + l], S[H11 + l], u + eu, v + ev, du, dv, over_x
+        )
         _hold(S, l, gap, sine, cosine, s, col, row, inside)
-        gap, sine, cosine, s, inside = _edge(radius, S[HALF + l], zh, cos, tan, over, az, S[H01 + l], S[H11 + l], u + du, v + dv, eu, ev, over_y)
+        gap, sine, cosine, s, inside = _edge(
+            radius, half, zh, cos, tan, over, az, S[H01 + l], S[H11 + l], u + du, v + dv, eu, ev, over_y
+        )
         _hold(S, l, gap, sine, cosine, s, col, row, inside)
 
 
@@ -238,7 +243,8 @@ def bound_cells(S: Array, rover: Array, i: int, columns: int, lines: int) -> Non
     """Fill CELL_BOUNDS: no gap inside a cell is lower; inf where none is least there.
 
     For that the ground has to be hollow along the axle, its slope h_v has to be tan τ somewhere in the cell, and across the axle
-    the tread has to bend more than the ground does there: r² / (q³ cos τ) > twist / |2 v_x v_y|, q being least where u is greatest.
+    the tread has to bend more than the ground does there: r² / (q³ cos τ) > twist / |2 v_x v_y|, where q is least, at the
+    greatest u.
     """
     i = min(max(i, 0), 5)
     radius = rover[P_RADIUS + i]
@@ -280,7 +286,7 @@ def insides(S: Array, rover: Array, meta: Array, i: int) -> None:
     radius = rover[P_RADIUS + i]
     end = 0.9999999 * radius
     for l in range(LANES):
-        col, row, tan, over, cos = S[CI + l], S[CJ + l], S[TAN + l], S[OVER + l], S[COS + l]
+        col, row, tan, over = S[CI + l], S[CJ + l], S[TAN + l], S[OVER + l]
         du, dv, eu, ev, over_det = S[U_X + l], S[V_X + l], S[U_Y + l], S[V_Y + l], 1.0 / S[DET + l]  # of a step along x, along y
         a, slope_x, slope_y = S[H00 + l], S[H01 + l] - S[H00 + l], S[H10 + l] - S[H00 + l]
         twist = S[H11 + l] - S[H01 + l] - slope_y

@@ -27,13 +27,14 @@ from .contact import (
     TIPPED,
     WHEEL_LIFTED,
 )
+from .ground import Ground
 from .jit import njit
 from .let_down import FALLEN, constrain, let_down
 from .linkage import P_STOPS, PITCH, ROCKER, ROLL, Z, stand
 from .mass import centre_of_mass
 from .near import LISTED, TOUCH, touch_down
 from .quadratic import invert, solve_qp
-from .tread import BLANK, FOUND, Ground
+from .tread import BLANK, FOUND
 from .work import Work
 
 Array = NDArray[np.float64]

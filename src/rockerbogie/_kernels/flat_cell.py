@@ -44,7 +44,7 @@ HAIR = 1e-10  # of a cell: more than rounding, and nothing to the gap
 TIE = 1e-12  # m: a gap lower by less is not looked for
 
 
-@welded
+@njit
 def search_flat_cell(
     w: Array, a: float, b: float, d: float, e: float, x0: float, y0: float, dx: float, dy: float,
     far_x: float, far_y: float, follow: bool,

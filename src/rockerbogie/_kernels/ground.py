@@ -12,14 +12,12 @@ that what is worked out in a window is what the whole map gives, to the last bit
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .jit import bare, inlined, njit, window
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from .jit import bare, by_ground, inlined, njit, window
 
 # META_BEND: no second derivative of the ground along any level direction is greater; inf where it has ridges or holes.
 # META_STEEP: bilinear ground is nowhere steeper; inf where that is not known.
@@ -27,15 +25,40 @@ if TYPE_CHECKING:
 META_X, META_Y, META_Z, META_DX, META_DY, META_NX, META_NY, META_CUBIC, META_BEND, META_ROW, META_COL, META_STEEP = range(12)
 META_SIZE = 12
 
-Ground = tuple["NDArray[np.float64]", "NDArray[np.float64]", "NDArray[np.float64]"]  # grid, roof, meta
+Array = NDArray[np.float64]
 
 
-@njit
+class CubicGround(NamedTuple):
+    """Ground of two kinds has two types, so that kernels are compiled for one of them without the other's code."""
+
+    grid: Array
+    roof: Array
+    meta: Array
+
+
+class LinearGround(NamedTuple):
+    """As `CubicGround`."""
+
+    grid: Array
+    roof: Array
+    meta: Array
+
+
+Ground = CubicGround | LinearGround
+
+
 def loan(ground: Ground) -> Ground:
     """The ground's arrays by the map's indices, not counted as references to them."""
-    grid, roof, meta = ground
-    row, col = int(meta[META_ROW]), int(meta[META_COL])
-    return window(grid, row, col), window(roof, row, col), bare(meta)
+    return _loan_of(type(ground))(ground)  # type: ignore[no-any-return]
+
+
+@by_ground(loan)
+def _loan_of(kind: type) -> Any:
+    def lend(ground: Ground) -> Ground:
+        row, col = int(ground.meta[META_ROW]), int(ground.meta[META_COL])
+        return kind(window(ground.grid, row, col), window(ground.roof, row, col), bare(ground.meta))  # type: ignore[no-any-return]
+
+    return lend
 
 
 @inlined
@@ -47,7 +70,7 @@ def cell_of(position: float, step: float, nodes: float) -> tuple[int, float]:
 
 
 @inlined
-def on_map(meta: NDArray[np.float64], x: float, y: float) -> bool:
+def on_map(meta: Array, x: float, y: float) -> bool:
     """Whether a position lies on the map, its rim included."""
     return 0.0 <= x <= (meta[META_NX] - 1.0) * meta[META_DX] and 0.0 <= y <= (meta[META_NY] - 1.0) * meta[META_DY]
 
@@ -64,9 +87,7 @@ def onto(position: float, step: float, nodes: float) -> float:
 
 
 @njit
-def surface(
-    grid: NDArray[np.float64], meta: NDArray[np.float64], x: float, y: float
-) -> tuple[float, float, float, float, float, float]:
+def surface(grid: Array, meta: Array, x: float, y: float) -> tuple[float, float, float, float, float, float]:
     """h, h_x, h_y, h_xx, h_xy, h_yy at (x, y) from the first node. Outside, the rim cell's surface goes on."""
     dx, dy = meta[META_DX], meta[META_DY]
     i, u = cell_of(x, dx, meta[META_NX])
@@ -112,9 +133,9 @@ def surface(
 @njit
 def surface_batch(
     ground: Ground,
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    out: NDArray[np.float64],
+    x: Array,
+    y: Array,
+    out: Array,
     start: int,
     stop: int,
 ) -> None:

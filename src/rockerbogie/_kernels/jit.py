@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import inspect
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -12,7 +13,7 @@ from typing import Any, TypeVar
 
 import numba
 from numba.core import cgutils, event, types
-from numba.extending import intrinsic
+from numba.extending import intrinsic, overload
 
 
 def _drop_stale_cache() -> None:
@@ -92,6 +93,25 @@ def inlined(function: F) -> F:
     """Compile a kernel as part of its caller: a small one, or one that has a single caller. Each link of a chain of kernels
     would else be optimised again with all that hangs on it."""
     return numba.njit(cache=True, error_model="numpy", inline="always")(function)
+
+
+Maker = Callable[[type], Callable[..., Any]]
+
+
+def by_ground(function: Callable[..., Any]) -> Callable[[Maker], Maker]:
+    """Compile calls of `function`, plain Python as it stands, as what is decorated makes for the type of its first argument,
+    the ground: code for one kind of ground is not compiled for the other."""
+
+    def register(make: Maker) -> Maker:
+        def choose(ground: Any, *rest: Any) -> Any:
+            return make(ground.instance_class)
+
+        choose.__signature__ = inspect.signature(function)  # type: ignore[attr-defined]
+        if not numba.config.DISABLE_JIT:
+            overload(function, inline="always", strict=False, jit_options={"error_model": "numpy"})(choose)
+        return make
+
+    return register
 
 
 if numba.config.DISABLE_JIT:

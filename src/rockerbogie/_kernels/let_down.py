@@ -11,12 +11,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from .ground import Ground
 from .jit import njit
 from .linkage import BOGIE_L, P_BODY, P_BOGIE, P_KNEE, P_PIVOT, P_ROCKER, P_STOPS, P_WHEEL, PITCH, ROCKER, ROLL, Z
 from .mass import centre_of_mass
 from .near import touch_down
 from .quadratic import solve_qp
-from .tread import FOUND, Ground
+from .tread import FOUND
 from .wheel import COSINE, PLACE, SIN
 from .work import Work
 

@@ -7,9 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from .ground import Ground
 from .jit import njit
 from .linkage import P_BOX, P_RADIUS, Z, slope_row, stand
-from .tread import FOUND, ROOM, Ground, least_gap
+from .tread import FOUND, ROOM, least_gap
 from .underside import N_GAP, N_GX, N_GY, N_X, N_Y, N_Z, NEAR_ROOM, NEAR_SIZE, box_over_ground
 from .wheel import COSINE, GAP, HX, HY, HZ, PLACE, RADIUS, SIN, contact_slope, tread_point
 from .work import Work

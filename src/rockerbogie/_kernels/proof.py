@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .curved_cell import BENDS_SIZE, XX, XXX, XXY, XY, XYY, YY, YYY, cell_bends
-from .ground import META_DX, META_DY, META_NX, META_NY, surface
+from .ground import META_DX, META_DY, META_NX, META_NY, Ground, surface
 from .jit import inlined, njit
-from .tread import FOUND, Ground, least_gap
+from .tread import FOUND, least_gap
 from .wheel import AX, AY, AZ, BENDS, BENDS_OF_ALL, EX, EY, GAP, HALF, HX, HY, HZ, RADIUS, UX, UY, UZ, gap_at, tread_point
 
 Array = NDArray[np.float64]

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from .flat_cell import TIE
 from .ground import META_DX, META_DY, META_NX, META_NY
 from .jit import fused, inlined, njit
-from .lanes import ALL, AZ, COSINE, GAP, GX, GY, LANES, OX, OY, OZ, PLACE, ROWS, SINE, UZ, VX, VY, Q, X, Y, rows
+from .lanes import AZ, LANES, OX, OY, OZ, PLACE, ROWS, UZ, VX, VY, Q, X, Y, rows
 from .linkage import P_HALF, P_RADIUS
 
 Array = NDArray[np.float64]
@@ -188,7 +188,12 @@ def bound_pieces(S: Array, grid: Array, meta: Array, columns: int) -> None:
             bound_in, bound_out = (math.inf if none else bound_in), (math.inf if none | (cell_in == cell_out) else bound_out)
             S[BOUNDS + k], S[BOUNDS + LANES + k], S[CELLS + k], S[CELLS + LANES + k] = bound_in, bound_out, cell_in, cell_out
         for l in range(LANES):
-            low, piece, bound_in, bound_out = S[LOW + l], S[PIECE + l], S[BOUNDS + 2 * m * LANES + l], S[BOUNDS + (2 * m + 1) * LANES + l]
+            low, piece, bound_in, bound_out = (
+                S[LOW + l],
+                S[PIECE + l],
+                S[BOUNDS + 2 * m * LANES + l],
+                S[BOUNDS + (2 * m + 1) * LANES + l],
+            )
             piece = 2.0 * m if bound_in < low else piece
             low = min(low, bound_in)
             piece = 2.0 * m + 1.0 if bound_out < low else piece
@@ -302,7 +307,11 @@ def nearest(S: Array, meta: Array) -> None:
         s, place = s * S[SIGN + l], S[RIM + l]
         col, row, was_col, was_row = S[CI + l], S[CJ + l], S[L_COL + l], S[L_ROW + l]
         S[LEAST + l], S[L_SINE + l], S[L_COSINE + l] = (f if less else was_f), (s if less else was_s), (k if less else was_k)
-        S[L_PLACE + l], S[L_GX + l], S[L_GY + l] = (place if less else was_place), (gx if less else was_x), (gy if less else was_y)
+        S[L_PLACE + l], S[L_GX + l], S[L_GY + l] = (
+            (place if less else was_place),
+            (gx if less else was_x),
+            (gy if less else was_y),
+        )
         S[L_COL + l], S[L_ROW + l] = (col if less else was_col), (row if less else was_row)
 
 

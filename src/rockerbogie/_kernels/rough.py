@@ -12,8 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .contact import NEARLY, TOLERANCE, WIDEST
+from .edges import (
+    EDGE_ROWS,
+    STEEP,
+    clear_above,
+    clear_here,
+    follow_insides,
+    nodes_under,
+    search_insides,
+    set_treads,
+    take_heights,
+)
 from .flat_cell import TIE
-from .ground import META_DX, META_DY, META_NX, META_NY, META_STEEP
+from .ground import META_DX, META_DY, META_NX, META_NY, META_STEEP, Ground
 from .jit import fused, njit
 from .lanes import (
     ALL,
@@ -46,18 +57,8 @@ from .lanes import (
     take_step,
 )
 from .linkage import P_HALF, P_HUB, P_PIVOT, P_RADIUS
-from .edges import (
-    EDGE_ROWS,
-    STEEP,
-    clear_above,
-    clear_here,
-    follow_insides,
-    nodes_under,
-    search_insides,
-    set_treads,
-    take_heights,
-)
 from .rims import (
+    C_MID,
     CI,
     CJ,
     DOUBT,
@@ -74,10 +75,9 @@ from .rims import (
     L_SINE,
     LEAST,
     LOW,
+    RIM,
     S_IN,
     S_MID,
-    C_MID,
-    RIM,
     corners,
     follow_rims,
     no_gap,
@@ -161,7 +161,7 @@ def ground_under(S: Array, grid: Array, meta: Array) -> None:
 
 @fused
 def hold(S: Array, meta: Array, rover: Array, i: int, width: float) -> None:
-    """Keep what was found of wheel i. Inside so much of its half width the contact's slope is the tread's own, else the ground's."""
+    """Keep what was found of wheel i. Nearer to its middle than `width` the contact's slope is the tread's, else the ground's."""
     i = min(max(i, 0), 5)
     radius = rover[P_RADIUS + i]
     half = rover[P_HALF + i]
@@ -258,7 +258,7 @@ def prove(S: Array) -> float:
 
 
 @njit
-def settle(S: Array, ground: tuple[Array, Array, Array], rover: Array, count: int, rounds: int) -> None:
+def settle(S: Array, ground: Ground, rover: Array, count: int, rounds: int) -> None:
     """Settle the lanes from where they are"""
     grid, _, meta = ground
     for l in range(LANES):
@@ -272,7 +272,7 @@ def settle(S: Array, ground: tuple[Array, Array, Array], rover: Array, count: in
     for _ in range(rounds):
         if prove(S) == 0.0:
             return
-        for n in range(FOLLOWED):
+        for _ in range(FOLLOWED):
             deepest(S)
             slopes(S, rover)
             solve_step(S)

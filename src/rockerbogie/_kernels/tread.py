@@ -8,14 +8,15 @@ the best so far is searched, exactly (`flat_cell`, `curved_cell`).
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .curved_cell import follow_smooth, search_curved_cell
 from .flat_cell import HAIR, TIE, search_flat_cell
-from .ground import META_BEND, META_CUBIC, META_DX, META_DY, META_NX, META_NY, on_map
-from .jit import inlined, njit
+from .ground import META_BEND, META_DX, META_DY, META_NX, META_NY, CubicGround, Ground, on_map
+from .jit import by_ground, inlined, njit
 from .wheel import (
     AX,
     AY,
@@ -45,7 +46,6 @@ from .wheel import (
 )  # fmt: skip
 
 Array = NDArray[np.float64]
-Ground = tuple[Array, Array, Array]  # grid, roof, meta
 
 ROOM = 12  # touching places kept of one wheel
 FOUND, OFF, BLANK = 0, 1, 2
@@ -109,24 +109,44 @@ def tangent_plane(w: Array, sine: float) -> None:
     w[PLANE + 1], w[PLANE + 2] = slope * w[EX] + w[TAN] * w[VX], slope * w[EY] + w[TAN] * w[VY]
 
 
-@njit
+def _search_curved(
+    ground: Ground, w: Array, i: int, j: int, far_x: float, far_y: float, follow: bool, keep: float,
+    best: Array, found: Array, count: int,
+) -> int:  # fmt: skip
+    """`_search_cell` on cubic ground."""
+    grid, _, meta = ground
+    dx, dy = meta[META_DX], meta[META_DY]
+    x0, y0 = i * dx - w[HX], j * dy - w[HY]
+    return search_curved_cell(
+        grid, meta, w, i, j, max(x0, -far_x), min(x0 + dx, far_x), max(y0, -far_y), min(y0 + dy, far_y),
+        best, keep, found, count,
+    )  # fmt: skip
+
+
+def _search_flat(
+    ground: Ground, w: Array, i: int, j: int, far_x: float, far_y: float, follow: bool, keep: float,
+    best: Array, found: Array, count: int,
+) -> int:  # fmt: skip
+    """`_search_cell` on linear ground."""
+    grid, _, meta = ground
+    dx, dy = meta[META_DX], meta[META_DY]
+    a, b, d, e = grid[j, i], grid[j, i + 1], grid[j + 1, i], grid[j + 1, i + 1]
+    if math.isnan(a + b + d + e):
+        return -1
+    return search_flat_cell(w, a, b, d, e, i * dx - w[HX], j * dy - w[HY], dx, dy, far_x, far_y, follow, best, keep, found, count)
+
+
 def _search_cell(
     ground: Ground, w: Array, i: int, j: int, far_x: float, far_y: float, follow: bool, keep: float,
     best: Array, found: Array, count: int,
 ) -> int:  # fmt: skip
     """Note the local minima over the cell (i, j), within far_x, far_y of the hub; -1 if its ground is unknown."""
-    grid, _, meta = ground
-    dx, dy = meta[META_DX], meta[META_DY]
-    x0, y0 = i * dx - w[HX], j * dy - w[HY]
-    if meta[META_CUBIC] != 0.0:
-        return search_curved_cell(
-            grid, meta, w, i, j, max(x0, -far_x), min(x0 + dx, far_x), max(y0, -far_y), min(y0 + dy, far_y),
-            best, keep, found, count,
-        )  # fmt: skip
-    a, b, d, e = grid[j, i], grid[j, i + 1], grid[j + 1, i], grid[j + 1, i + 1]
-    if math.isnan(a + b + d + e):
-        return -1
-    return search_flat_cell(w, a, b, d, e, x0, y0, dx, dy, far_x, far_y, follow, best, keep, found, count)
+    return _search_of(type(ground))(ground, w, i, j, far_x, far_y, follow, keep, best, found, count)
+
+
+@by_ground(_search_cell)
+def _search_of(kind: type) -> Any:
+    return _search_curved if kind is CubicGround else _search_flat
 
 
 @njit

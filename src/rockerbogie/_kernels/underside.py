@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .curved_cell import BENDS_SIZE, XX, XXX, XXY, XY, XYY, YY, YYY, cell_bends
-from .ground import META_CUBIC, META_DX, META_DY, META_NX, META_NY, on_map, surface
+from .ground import META_CUBIC, META_DX, META_DY, META_NX, META_NY, Ground, on_map, surface
 from .jit import njit
-from .tread import BLANK, OFF, Ground
+from .tread import BLANK, OFF
 
 Array = NDArray[np.float64]
 
