@@ -13,7 +13,7 @@ from .contact import CONVERGED, JOINT_STOP, beyond_stops, settle_contact
 from .equilibrium import settle_equilibrium
 from .ground import META_X, META_Y, META_Z, Ground, loan
 from .jit import bare, inlined, njit
-from .lanes import LANES, LIVE, Q
+from .lanes import LANES, Q
 from .linkage import P_BOX, PITCH, ROLL, Z, body_axes, stand, stand_feet
 from .proof import LEAST
 from .tread import FOUND, least_gap, patches
@@ -89,13 +89,13 @@ def settle_linear(
         rough.settle(S, land, car, count, 1 if anew else ROUNDS)
         for l in range(count):
             k = which[l]
-            if anew and S[rough.SETTLED + l] == 0.0 and S[LIVE + l] >= 0.0:
+            if anew and S[rough.FATE + l] == rough.SOUGHT:
                 for n in range(6):
                     q[k, n] = S[Q + n * LANES + l]
                 wait[waiting] = k
                 waiting += 1
             else:
-                keep_lane(S, l, car, meta, q, status, k, S[rough.SETTLED + l] != 0.0)
+                keep_lane(S, l, car, meta, q, status, k, S[rough.FATE + l] == rough.SETTLED)
     buffer[0] = block[0] = 0.0
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .flat_cell import TIE
-from .ground import META_DX, META_DY, META_NX, META_NY
+from .ground import META_DX, META_DY, META_NX, META_NY, META_STEEP
 from .jit import fused, inlined, njit
 from .lanes import AZ, LANES, OX, OY, OZ, PLACE, SINE, UZ, VX, VY, Q, X, Y, rows
 from .linkage import P_HALF, P_RADIUS
@@ -25,6 +25,8 @@ from .rims import (
     H01,
     H10,
     H11,
+    HOME_X,
+    HOME_Y,
     L_COL,
     L_COSINE,
     L_PLACE,
@@ -43,16 +45,18 @@ from .rims import (
 
 Array = NDArray[np.float64]
 
-ROOM = 1024  # nodes under one wheel, at most
+SIDE = 32  # nodes under one wheel along x or y, at most
+ROOM = SIDE * SIDE
 TINY = 1e-14  # m: an edge right along the axle has no place where it is least; either end will do
 
 # A wheel: its hub's height, cos τ, tan τ, 1 / cos τ and the axle's z; u and v from its hub at the map's first node, how they
 # change from node to node along x and y, and the inverse of u's change; the plane; the first and last node under it along x and
-# y; a cell's area; its half width, or less than none where no contact is sought; what `clear_above` knows and says.
+# y; a cell's area; its half width, or less than none where no contact is sought; what `clear_above` knows and
+# says; whether there is room for its nodes.
 (
     ZH, COS, TAN, OVER, AXLE_Z, U0, V0, U_X, U_Y, V_X, V_Y, OVER_X, OVER_Y, P_0, P_U, COL_0, ROW_0, COL_1, ROW_1,
-    DET, HALF, STEEP, CLEAR, _nodes,
-) = rows(RIM_ROWS, (LANES,) * 23)  # fmt: skip
+    DET, HALF, STEEP, CLEAR, FITS, _nodes,
+) = rows(RIM_ROWS, (LANES,) * 24)  # fmt: skip
 # The nodes under a wheel, row by row: their heights, and the bounds of the cells they are the low corners of.
 HEIGHTS, CELL_BOUNDS, EDGE_ROWS = rows(_nodes, (ROOM * LANES,) * 2)
 
@@ -74,7 +78,7 @@ def set_treads(S: Array, rover: Array, meta: Array, i: int) -> None:
         S[U0 + l], S[V0 + l] = y * vx - x * vy, -x * vx - y * vy
         S[U_X + l], S[U_Y + l], S[V_X + l], S[V_Y + l] = vy * dx, -vx * dy, vx * dx, vy * dy
         S[OVER_X + l], S[OVER_Y + l] = 1.0 / (vy * dx + TINY), 1.0 / (TINY - vx * dy)
-        S[DET + l], S[HALF + l] = dx * dy, half
+        S[DET + l], S[HALF + l], S[STEEP + l] = dx * dy, half, meta[META_STEEP] * meta[META_STEEP]
         slope = sine / cosine * over
         S[P_0 + l], S[P_U + l] = S[Q + l] + S[OZ + k] - radius * cosine * over - slope * radius * sine, slope
         far_x = half * abs(uz * vx) + radius * math.sqrt(vy * vy + az * az * vx * vx)
@@ -85,32 +89,27 @@ def set_treads(S: Array, rover: Array, meta: Array, i: int) -> None:
 
 @njit
 def nodes_under(S: Array) -> tuple[int, int]:
-    """How many nodes along x and y there are under the widest of the wheels; DOUBT where they are too many."""
+    """How many nodes along x and y there are under the widest of the wheels; FITS is 0 where they are too many."""
     columns = lines = 0
     for l in range(LANES):
         nx, ny = S[COL_1 + l] - S[COL_0 + l] + 1.0, S[ROW_1 + l] - S[ROW_0 + l] + 1.0
-        if nx * ny <= ROOM and nx > 0.0 and ny > 0.0:
+        S[FITS + l] = 1.0 if nx <= SIDE and ny <= SIDE else 0.0
+        if S[FITS + l] > 0.0:
             columns, lines = max(columns, int(nx)), max(lines, int(ny))
-        else:
-            S[DOUBT + l] = NONE
-    while columns * lines > ROOM:  # some are wide and some are long
-        for l in range(LANES):
-            if S[ROW_1 + l] - S[ROW_0 + l] + 1.0 == lines:
-                S[DOUBT + l] = NONE
-        lines -= 1
     return columns, lines
 
 
 @fused
 def take_heights(S: Array, grid: Array, columns: int, lines: int) -> None:
     """Fill HEIGHTS, row by row; a lane that has fewer nodes along x or y has its last ones again."""
-    columns, lines = min(max(columns, 0), ROOM), min(max(lines, 0), ROOM)
+    columns, lines = min(max(columns, 0), SIDE), min(max(lines, 0), SIDE)
     for m in range(lines):
         for n in range(columns):
             at = HEIGHTS + min(m * columns + n, ROOM - 1) * LANES
             for l in range(LANES):
                 column, row = min(S[COL_0 + l] + n, S[COL_1 + l]), min(S[ROW_0 + l] + m, S[ROW_1 + l])
-                S[CI + l], S[CJ + l] = (column if column > 0.0 else 0.0), (row if row > 0.0 else 0.0)  # nan too
+                home_x, home_y = S[HOME_X + l], S[HOME_Y + l]
+                S[CI + l], S[CJ + l] = (column if column == column else home_x), (row if row == row else home_y)
             for l in range(LANES):
                 S[H00 + l] = grid[np.uint64(S[CJ + l]), np.uint64(S[CI + l])]
             for l in range(LANES):
@@ -136,8 +135,8 @@ def clear_above(S: Array) -> float:
 
 @fused
 def clear_here(S: Array, meta: Array, columns: int, lines: int) -> None:
-    """DOUBT where the ground between HEIGHTS is too steep for `clear_above`."""
-    columns, lines = min(max(columns, 0), ROOM), min(max(lines, 0), ROOM)
+    """DOUBT where all of the ground, and that between HEIGHTS, is too steep for `clear_above`."""
+    columns, lines = min(max(columns, 0), SIDE), min(max(lines, 0), SIDE)
     over_x, over_y = 1.0 / (meta[META_DX] * meta[META_DX]), 1.0 / (meta[META_DY] * meta[META_DY])
     for l in range(LANES):
         S[H01 + l] = S[H10 + l] = 0.0
@@ -153,10 +152,11 @@ def clear_here(S: Array, meta: Array, columns: int, lines: int) -> None:
                 S[H10 + l] = most_y if by_y <= most_y else by_y
     for l in range(LANES):
         S[STEEP + l] = S[H01 + l] * S[H01 + l] * over_x + S[H10 + l] * S[H10 + l] * over_y
+        S[H00 + l] = S[CLEAR + l]
     clear_above(S)
     for l in range(LANES):
         doubt = S[DOUBT + l]
-        S[DOUBT + l] = doubt if S[CLEAR + l] > 0.0 else NONE
+        S[DOUBT + l] = doubt if (S[H00 + l] > 0.0) | (S[CLEAR + l] * S[FITS + l] > 0.0) else NONE
 
 
 @inlined
@@ -194,7 +194,7 @@ def all_edges(S: Array, rover: Array, i: int, columns: int, lines: int) -> None:
     """The least gap over the edges between HEIGHTS of wheel i."""
     i = min(max(i, 0), 5)
     radius = rover[P_RADIUS + i]
-    columns, lines = min(max(columns, 0), ROOM), min(max(lines, 0), ROOM)
+    columns, lines = min(max(columns, 0), SIDE), min(max(lines, 0), SIDE)
     for m in range(lines):
         for n in range(columns):
             at = HEIGHTS + min(m * columns + n, ROOM - 1) * LANES
@@ -248,7 +248,7 @@ def bound_cells(S: Array, rover: Array, i: int, columns: int, lines: int) -> Non
     """
     i = min(max(i, 0), 5)
     radius = rover[P_RADIUS + i]
-    columns, lines = min(max(columns, 0), ROOM), min(max(lines, 0), ROOM)
+    columns, lines = min(max(columns, 0), SIDE), min(max(lines, 0), SIDE)
     for m in range(lines):
         for n in range(columns):
             at = HEIGHTS + min(m * columns + n, ROOM - 1) * LANES
@@ -356,6 +356,8 @@ def take_up_cells(S: Array, columns: int) -> float:
 @njit
 def search_insides(S: Array, grid: Array, meta: Array, rover: Array, i: int, columns: int, lines: int) -> None:
     """The least gap of wheel i inside its tread, where HEIGHTS are known and `search_rims` has been."""
+    for l in range(LANES):
+        S[DOUBT + l] = S[DOUBT + l] if S[FITS + l] > 0.0 else NONE
     all_edges(S, rover, i, columns, lines)
     bound_cells(S, rover, i, columns, lines)
     for l in range(LANES):

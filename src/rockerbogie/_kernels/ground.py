@@ -49,14 +49,14 @@ Ground = CubicGround | LinearGround
 
 def loan(ground: Ground) -> Ground:
     """The ground's arrays by the map's indices, not counted as references to them."""
-    return _loan_of(type(ground))(ground)  # type: ignore[no-any-return]
+    return _loan_of(type(ground))(ground)
 
 
 @by_ground(loan)
 def _loan_of(kind: type) -> Any:
     def lend(ground: Ground) -> Ground:
         row, col = int(ground.meta[META_ROW]), int(ground.meta[META_COL])
-        return kind(window(ground.grid, row, col), window(ground.roof, row, col), bare(ground.meta))  # type: ignore[no-any-return]
+        return kind(window(ground.grid, row, col), window(ground.roof, row, col), bare(ground.meta))
 
     return lend
 

@@ -6,8 +6,8 @@ cell the gap along it is
 
     f = f0 - gs sin φ - gc cos φ - twist (AC sin² φ + E sin φ cos φ + BD cos² φ).
 
-Over u = sin φ it is hollow where gc - |twist E| exceeds 2 twist (AC - BD) cos³ φ: then it lies nowhere below its tangents, and
-where those at a piece's two ends meet it is bounded. Pieces are taken up in the order of their bounds, and each one's least
+Over u = sin φ it is hollow where gc - √2 |twist E| exceeds 2 twist (AC - BD) cos³ φ: then it lies nowhere below its tangents,
+and where those at a piece's two ends meet it is bounded. Pieces are taken up in the order of their bounds, and each one's least
 gap is found by Newton, until no bound is below the least gap found.
 """
 
@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 COLUMNS = 48  # under one rim, at most
 MOST, MOST_ROWS = 2048, 1 << 20  # bounds of a lane, numbers in a block: more than there are
 NONE = -1e300  # a bound where there is none
+ROOT_2 = math.sqrt(2.0)  # the greatest of |u| (3 - 2 u²), which is what E adds to the bend at most
 
 # One rim of each lane: its place on the axle; its middle, in cells along the two axes (p, t), and how it runs:
 # p = P0 + A sin φ + B cos φ, t = T0 + C sin φ + D cos φ, z = ZR - RHO cos φ; products of these; 1 where p is y, and the sign
@@ -41,10 +42,19 @@ S_IN, C_IN, T_IN, S_MID, C_MID, S_OUT, C_OUT, T_OUT, CELL_IN, CELL_OUT, BOUND_IN
 # A cell: its place along p and t, along x and y, its corners; the bound of what is looked at, and which piece that is.
 CP, CT, CI, CJ, H00, H01, H10, H11, LOW, PIECE, _best = rows(_cell, (LANES,) * 10)
 # The least gap found, where, in which cell (x, y) and with what slope of the contact; what could not be looked at is no lower
-# than DOUBT.
-LEAST, L_SINE, L_COSINE, L_PLACE, L_COL, L_ROW, L_GX, L_GY, DOUBT, _pieces = rows(_best, (LANES,) * 9)
+# than DOUBT. The cell under the body.
+LEAST, L_SINE, L_COSINE, L_PLACE, L_COL, L_ROW, L_GX, L_GY, DOUBT, HOME_X, HOME_Y, _pieces = rows(_best, (LANES,) * 11)
 # The pieces of a rim: their bounds and cells.
 BOUNDS, CELLS, RIM_ROWS = rows(_pieces, (2 * COLUMNS * LANES,) * 2)
+
+
+@fused
+def set_home(S: Array, meta: Array) -> None:
+    """HOME_X, HOME_Y: the cell under the body, where ground is sure to be at hand."""
+    over_x, over_y, last_x, last_y = 1.0 / meta[META_DX], 1.0 / meta[META_DY], meta[META_NX] - 2.0, meta[META_NY] - 2.0
+    for l in range(LANES):
+        i, j = np.floor(S[X + l] * over_x), np.floor(S[Y + l] * over_y)
+        S[HOME_X + l], S[HOME_Y + l] = min(max(i, 0.0), last_x), min(max(j, 0.0), last_y)
 
 
 @fused
@@ -53,7 +63,7 @@ def no_gap(S: Array) -> None:
     for l in range(LANES):
         S[LEAST + l] = S[DOUBT + l] = math.inf
         S[L_SINE + l], S[L_COSINE + l], S[L_PLACE + l], S[L_GX + l], S[L_GY + l] = 0.0, 1.0, 0.0, 0.0, 0.0
-        S[L_COL + l] = S[L_ROW + l] = 0.0
+        S[L_COL + l], S[L_ROW + l] = S[HOME_X + l], S[HOME_Y + l]
 
 
 @fused
@@ -89,11 +99,12 @@ def set_rims(S: Array, rover: Array, meta: Array, i: int) -> None:
 
 @fused
 def corners(S: Array, grid: Array, meta: Array) -> None:
-    """Heights at the corners of the cells CI, CJ, which are put on the map."""
+    """Heights at the corners of the cells CI, CJ, which are put on the map; where one is nan, at home."""
     last_x, last_y = meta[META_NX] - 2.0, meta[META_NY] - 2.0
     for l in range(LANES):
-        i, j = S[CI + l], S[CJ + l]
-        i, j = (i if i > 0.0 else 0.0), (j if j > 0.0 else 0.0)  # nan too
+        i, j, home_x, home_y = S[CI + l], S[CJ + l], S[HOME_X + l], S[HOME_Y + l]
+        i, j = (i if i == i else home_x), (j if j == j else home_y)
+        i, j = (i if i > 0.0 else 0.0), (j if j > 0.0 else 0.0)
         S[CI + l], S[CJ + l] = (i if i < last_x else last_x), (j if j < last_y else last_y)
     for l in range(LANES):
         i, j = np.uint64(S[CI + l]), np.uint64(S[CJ + l])
@@ -134,7 +145,7 @@ def _bound(S: Array, at_s: int, at_c: int, to_s: int, to_c: int, cell: int, out:
         by_r = gc * sr - gs * cr - twist * (2.0 * (ac - bd) * sr * cr + e * (cr * cr - sr * sr))
         wide = sr - sl
         most = 1.0 if sl * sr < 0.0 else max(cl, cr)
-        firm, bent = gc - abs(twist * e), 2.0 * twist * (ac - bd)
+        firm, bent = gc - ROOT_2 * abs(twist * e), 2.0 * twist * (ac - bd)
         # not hollow: so much of a parabola through both ends taken off makes it so, and lowers it between them
         off = 0.0 if firm > bent * most * most * most else max(0.5 * (bent - firm), 0.0) * wide
         by_l, by_r = by_l - off * cl, by_r + off * cr
@@ -281,7 +292,7 @@ def nearest(S: Array, meta: Array) -> None:
         inside = (not before) & (not beyond) & (abs(step) < 1e-4)
         f += 0.5 * g * step if inside else 0.0
         most = 1.0 if sl * sr < 0.0 else max(cl, cr)
-        hollow = gc - abs(twist * e) > bent * twist * most * most * most
+        hollow = gc - ROOT_2 * abs(twist * e) > bent * twist * most * most * most
         sure = hollow & (inside | (before & (g >= 0.0)) | (beyond & (g <= 0.0)))
         # else an end may be lower, and be all there is, or not
         fl = f0 - gs * sl - gc * cl - twist * (ac * sl * sl + e * sl * cl + bd * cl * cl)

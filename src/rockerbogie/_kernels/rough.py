@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from .contact import NEARLY, TOLERANCE, WIDEST
 from .edges import (
     EDGE_ROWS,
-    STEEP,
     clear_above,
     clear_here,
     follow_insides,
@@ -24,7 +23,7 @@ from .edges import (
     take_heights,
 )
 from .flat_cell import TIE
-from .ground import META_DX, META_DY, META_NX, META_NY, META_STEEP, Ground
+from .ground import META_DX, META_DY, META_NX, META_NY, Ground
 from .jit import fused, njit
 from .lanes import (
     ALL,
@@ -82,14 +81,16 @@ from .rims import (
     follow_rims,
     no_gap,
     search_rims,
+    set_home,
 )
 
 Array = NDArray[np.float64]
 
 # A wheel: the cell of its contact; 1 where the search could not tell.
 COL, ROW, ASTRAY, _lane = rows(EDGE_ROWS, (ALL,) * 3)
-# A pose: the greatest of its gaps; 1 if it is settled and proved.
-DEEPEST, SETTLED, ROUGH_ROWS = rows(_lane, (LANES,) * 2)
+# A pose: the greatest of its gaps, and what has become of it.
+DEEPEST, FATE, ROUGH_ROWS = rows(_lane, (LANES,) * 2)
+SOUGHT, SETTLED, LOST = 0.0, 1.0, 2.0
 
 FOLLOWED = 4  # steps on contacts that are followed
 
@@ -102,6 +103,7 @@ def start(S: Array, grid: Array, meta: Array, rover: Array) -> None:
         S[LIVE + l], S[Q + l] = 1.0, 0.0
         S[Q + LANES + l] = S[Q + 2 * LANES + l] = S[Q + 3 * LANES + l] = S[Q + 4 * LANES + l] = S[Q + 5 * LANES + l] = 0.0
         S[S_MID + l], S[C_MID + l] = S[X + l], S[Y + l]
+    set_home(S, meta)
     ground_under(S, grid, meta)
     for l in range(LANES):
         h = S[LOW + l]
@@ -119,7 +121,7 @@ def start(S: Array, grid: Array, meta: Array, rover: Array) -> None:
                 gap = S[S_IN + l] - S[LOW + l]
                 if gap < S[LEAST + l]:
                     S[LEAST + l], S[L_SINE + l], S[L_COSINE + l], S[L_PLACE + l] = gap, SINES[n], COSINES[n], s
-        hold(S, meta, rover, i, 2.0 * half + 1.0)
+        hold(S, meta, rover, i, 2.0 * half + 1.0, 0.0)
     slopes(S, rover)
     solve_step(S)
     take_step(S)
@@ -160,8 +162,9 @@ def ground_under(S: Array, grid: Array, meta: Array) -> None:
 
 
 @fused
-def hold(S: Array, meta: Array, rover: Array, i: int, width: float) -> None:
-    """Keep what was found of wheel i. Nearer to its middle than `width` the contact's slope is the tread's, else the ground's."""
+def hold(S: Array, meta: Array, rover: Array, i: int, width: float, least: float) -> None:
+    """Keep what was found of wheel i in lanes whose LIVE is at least so much. Nearer to the tread's middle than `width` the
+    contact's slope is the tread's, else the ground's."""
     i = min(max(i, 0), 5)
     radius = rover[P_RADIUS + i]
     half = rover[P_HALF + i]
@@ -169,18 +172,26 @@ def hold(S: Array, meta: Array, rover: Array, i: int, width: float) -> None:
     end_x, end_y = (meta[META_NX] - 1.0) * meta[META_DX], (meta[META_NY] - 1.0) * meta[META_DY]
     for l in range(LANES):
         k = i * LANES + l
-        sine, cosine, place, gap = S[L_SINE + l], S[L_COSINE + l], S[L_PLACE + l], S[LEAST + l]
-        S[SINE + k], S[COSINE + k], S[PLACE + k], S[GAP + k] = sine, cosine, place, gap
-        S[COL + k], S[ROW + k], gx, gy = S[L_COL + l], S[L_ROW + l], S[L_GX + l], S[L_GY + l]
+        sine, cosine, place, gap, kept = S[L_SINE + l], S[L_COSINE + l], S[L_PLACE + l], S[LEAST + l], S[LIVE + l] < least
+        was_sine, was_cosine, was_place, was_gap, was_gx, was_gy, was_col, was_row, was_astray = (
+            S[SINE + k], S[COSINE + k], S[PLACE + k], S[GAP + k], S[GX + k], S[GY + k], S[COL + k], S[ROW + k], S[ASTRAY + k],
+        )  # fmt: skip
+        col, row, gx, gy = S[L_COL + l], S[L_ROW + l], S[L_GX + l], S[L_GY + l]
         vx, vy, az, uz = S[VX + k], S[VY + k], S[AZ + k], S[UZ + k]
-        steep, inside = sine / (cosine * uz), abs(place) < width
-        S[GX + k], S[GY + k] = (steep * vy + az / uz * vx if inside else gx), (az / uz * vy - steep * vx if inside else gy)
+        steep, lean, inside = sine / (cosine * uz), az / uz, abs(place) < width
+        gx, gy = (steep * vy + lean * vx if inside else gx), (lean * vy - steep * vx if inside else gy)
+        x, y = S[X + l] + S[OX + k], S[Y + l] + S[OY + k]
+        good = (x > reach) & (x < end_x - reach) & (y > reach) & (y < end_y - reach)
+        astray = 0.0 if good & (S[DOUBT + l] >= gap - TIE) & (abs(gap) < math.inf) else 1.0
+        sine, cosine, place = (was_sine if kept else sine), (was_cosine if kept else cosine), (was_place if kept else place)
+        S[SINE + k], S[COSINE + k], S[PLACE + k], S[GAP + k] = sine, cosine, place, (was_gap if kept else gap)
+        S[GX + k], S[GY + k] = (was_gx if kept else gx), (was_gy if kept else gy)
+        S[COL + k], S[ROW + k], S[ASTRAY + k] = (
+            (was_col if kept else col), (was_row if kept else row), (was_astray if kept else astray),
+        )  # fmt: skip
         u, q = radius * sine, radius * cosine
         along = place * uz + q * az
         S[TX + k], S[TY + k], S[TZ + k] = u * vy + along * vx, along * vy - u * vx, place * az - q * uz
-        x, y = S[X + l] + S[OX + k], S[Y + l] + S[OY + k]
-        good = (x > reach) & (x < end_x - reach) & (y > reach) & (y < end_y - reach)
-        S[ASTRAY + k] = 0.0 if good & (S[DOUBT + l] >= gap - TIE) & (abs(gap) < math.inf) else 1.0
 
 
 @njit
@@ -196,8 +207,6 @@ def search(S: Array, grid: Array, meta: Array, rover: Array, all_round: bool) ->
         unclear = 0.0
         if half > 0.0 or all_round:
             set_treads(S, rover, meta, i)
-            for l in range(LANES):
-                S[STEEP + l] = meta[META_STEEP] * meta[META_STEEP]
             unclear = clear_above(S) if all_round else 0.0
         if half > 0.0 or unclear > 0.0:
             columns, lines = nodes_under(S)
@@ -206,12 +215,12 @@ def search(S: Array, grid: Array, meta: Array, rover: Array, all_round: bool) ->
                 search_insides(S, grid, meta, rover, i, columns, lines)
             if unclear > 0.0:
                 clear_here(S, meta, columns, lines)
-        hold(S, meta, rover, i, half)
+        hold(S, meta, rover, i, half, 0.0)
 
 
 @njit
 def follow(S: Array, grid: Array, meta: Array, rover: Array) -> None:
-    """The contacts of all wheels in the cells they were in."""
+    """The contacts of the live lanes' wheels in the cells they were in."""
     for i in range(6):
         half = rover[P_HALF + i]
         no_gap(S)
@@ -222,7 +231,7 @@ def follow(S: Array, grid: Array, meta: Array, rover: Array) -> None:
         if half > 0.0:
             set_treads(S, rover, meta, i)
             follow_insides(S, rover, meta, i)
-        hold(S, meta, rover, i, half)
+        hold(S, meta, rover, i, half, 1.0)
 
 
 @fused
@@ -232,62 +241,56 @@ def deepest(S: Array) -> None:
         S[DEEPEST + l] = 0.0
     for i in range(6):
         for l in range(LANES):
-            gap = abs(S[GAP + i * LANES + l])
-            S[DEEPEST + l] = S[DEEPEST + l] if gap <= S[DEEPEST + l] else gap
+            gap, deep = abs(S[GAP + i * LANES + l]), S[DEEPEST + l]
+            S[DEEPEST + l] = deep if gap <= deep else gap
 
 
 @njit
-def prove(S: Array) -> float:
-    """After a search: SETTLED where all is proved, and LIVE where it is to go on; how many of these there are."""
+def judge(S: Array, proved: bool) -> bool:
+    """What a search says of the lanes that are sought: they are SETTLED if it has `proved` it, LOST, or LIVE. Whether any is."""
     deepest(S)
-    live = 0.0
+    live = False
     for l in range(LANES):
-        if S[SETTLED + l] == 0.0 and S[LIVE + l] >= 0.0:
-            done = S[DEEPEST + l] < TOLERANCE
-            lost = not S[DEEPEST + l] < math.inf
+        if S[FATE + l] == SOUGHT:
+            done, lost = proved and S[DEEPEST + l] < TOLERANCE, not S[DEEPEST + l] < math.inf
             if done:
                 for i in range(6):
                     lost |= S[ASTRAY + i * LANES + l] != 0.0
                 for n in range(1, 6):
                     lost |= abs(S[Q + n * LANES + l]) > WIDEST
-            S[SETTLED + l] = 1.0 if done and not lost else 0.0
-            S[LIVE + l] = -1.0 if lost else (0.0 if done else 1.0)
-    for l in range(LANES):
-        live += 1.0 if S[LIVE + l] > 0.0 else 0.0
+            S[FATE + l] = LOST if lost else (SETTLED if done else SOUGHT)
+        S[LIVE + l] = 1.0 if S[FATE + l] == SOUGHT else 0.0
+        live |= S[FATE + l] == SOUGHT
     return live
 
 
 @njit
 def settle(S: Array, ground: Ground, rover: Array, count: int, rounds: int) -> None:
-    """Settle the lanes from where they are"""
+    """Settle the first `count` lanes from where they are, in so many rounds. FATE says what has become of them."""
     grid, _, meta = ground
     for l in range(LANES):
-        S[SETTLED + l] = 0.0
-        S[LIVE + l] = 1.0 if l < count else -1.0
+        S[FATE + l] = SOUGHT if l < count else LOST
+    set_home(S, meta)
     place_body(S, rover)
     place_wheels(S, rover)
     search(S, grid, meta, rover, False)
-    for l in range(LANES):
-        S[ASTRAY + l] = 1.0  # not all round yet
-    for _ in range(rounds):
-        if prove(S) == 0.0:
+    for n in range(rounds):
+        if not judge(S, n > 0):
             return
         for _ in range(FOLLOWED):
             deepest(S)
             slopes(S, rover)
             solve_step(S)
             take_step(S)
-            live = 0.0
-            for l in range(LANES):
-                S[LIVE + l] = 0.0 if (S[LIVE + l] > 0.0) & (S[DEEPEST + l] < NEARLY) else S[LIVE + l]
-            for l in range(LANES):
-                live += 1.0 if S[LIVE + l] > 0.0 else 0.0
             place_body(S, rover)
             place_wheels(S, rover)
+            live = 0.0
+            for l in range(LANES):
+                S[LIVE + l] = 0.0 if S[DEEPEST + l] < NEARLY else S[LIVE + l]
+            for l in range(LANES):
+                live += S[LIVE + l]
             if live == 0.0:
                 break
             follow(S, grid, meta, rover)
-        for l in range(LANES):
-            S[LIVE + l] = max(S[LIVE + l], 0.0)
         search(S, grid, meta, rover, True)
-    prove(S)
+    judge(S, True)
