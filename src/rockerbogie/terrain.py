@@ -178,7 +178,7 @@ class Whole(NamedTuple):
     name: str
     level: float  # kept apart from the heights, so that -4,450 m does not eat the last digits
     bend: float | None  # ground.META_BEND; None: to be found, as this is all of the map
-    steep: float = np.inf  # ground.META_STEEP of bilinear ground, where it has been found
+    steep: float = np.inf  # ground.META_STEEP
 
 
 def middle(lowest: float, highest: float) -> float:
@@ -202,7 +202,7 @@ def lay(heights: Array, first: tuple[int, int], rows: tuple[int, int], cols: tup
     bend = steep = np.inf
     if whole.interpolation == "linear":
         grid = roof = np.ascontiguousarray(part - whole.level)
-        steep = _steepest(grid, whole.spacing) if whole.bend is None else whole.steep
+        steep = slope(greatest_rises(part), whole.spacing) if whole.bend is None else whole.steep
     else:
         # a node more around, as the roof over a node leans on the four cells about it
         (r0, r1), (c0, c1) = ((max(a - 1, 0), min(b + 1, n)) for (a, b), n in zip((rows, cols), whole.shape, strict=True))
@@ -220,12 +220,20 @@ def lay(heights: Array, first: tuple[int, int], rows: tuple[int, int], cols: tup
     return Terrain(part, whole.spacing, origin, whole.interpolation, whole.crs, whole.name, grid, roof, meta)
 
 
-def _steepest(z: Array, spacing: tuple[float, float]) -> float:
-    """A slope that bilinear ground nowhere exceeds; inf where it has holes."""
-    bands = [z[row : row + 257] for row in range(0, z.shape[0] - 1, 256)]  # so much at once
-    along_x, along_y = (np.max([np.abs(np.diff(band, axis=axis)).max() for band in bands]) for axis in (1, 0))
-    slope = float(np.hypot(along_x / spacing[0], along_y / spacing[1]))
-    return slope if np.isfinite(slope) else np.inf
+def greatest_rises(z: Array, so_far: tuple[float, float] = (0.0, 0.0)) -> tuple[float, float]:
+    """The greatest height between neighbouring nodes along x and along y, and no less than `so_far`; nan beside holes."""
+    bands = [z[row : row + 257] for row in range(0, max(z.shape[0] - 1, 1), 256)]  # so much at once
+    along_x, along_y = (
+        np.max([np.abs(np.diff(band, axis=axis)).max(initial=least) for band in bands])
+        for axis, least in zip((1, 0), so_far, strict=True)
+    )
+    return float(along_x), float(along_y)
+
+
+def slope(rises: tuple[float, float], spacing: tuple[float, float]) -> float:
+    """A slope that bilinear ground of such rises nowhere exceeds; inf where it has holes."""
+    steepest = float(np.hypot(rises[0] / spacing[0], rises[1] / spacing[1]))
+    return steepest if np.isfinite(steepest) else np.inf
 
 
 def cut(terrain: Terrain, rows: tuple[int, int], cols: tuple[int, int]) -> Terrain:

@@ -107,7 +107,7 @@ def take_heights(S: Array, grid: Array, columns: int, lines: int) -> None:
         for n in range(columns):
             at = HEIGHTS + min(m * columns + n, ROOM - 1) * LANES
             for l in range(LANES):
-                column, row = min(S[COL_0 + l] + n, S[COL_1 + l]), min(S[ROW_0 + l] + m, S[ROW_1 + l])
+                column, row = max(min(S[COL_0 + l] + n, S[COL_1 + l]), 0.0), max(min(S[ROW_0 + l] + m, S[ROW_1 + l]), 0.0)
                 home_x, home_y = S[HOME_X + l], S[HOME_Y + l]
                 S[CI + l], S[CJ + l] = (column if column == column else home_x), (row if row == row else home_y)
             for l in range(LANES):
