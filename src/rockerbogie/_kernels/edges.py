@@ -135,7 +135,7 @@ def clear_above(S: Array) -> float:
 
 @fused
 def clear_here(S: Array, meta: Array, columns: int, lines: int) -> None:
-    """DOUBT where all of the ground, and that between HEIGHTS, is too steep for `clear_above`."""
+    """DOUBT where all of the ground, and that between HEIGHTS, is too steep for `clear_above`, or where it has holes."""
     columns, lines = min(max(columns, 0), SIDE), min(max(lines, 0), SIDE)
     over_x, over_y = 1.0 / (meta[META_DX] * meta[META_DX]), 1.0 / (meta[META_DY] * meta[META_DY])
     for l in range(LANES):
@@ -147,7 +147,8 @@ def clear_here(S: Array, meta: Array, columns: int, lines: int) -> None:
             beyond = above + LANES
             for l in range(LANES):
                 a, b, d, e, most_x, most_y = S[at + l], S[right + l], S[above + l], S[beyond + l], S[H01 + l], S[H10 + l]
-                by_x, by_y = max(abs(b - a), abs(e - d)), max(abs(d - a), abs(e - b))
+                hole = 0.0 * (a + b + d + e)  # nan in one; max would lose it
+                by_x, by_y = max(abs(b - a), abs(e - d)) + hole, max(abs(d - a), abs(e - b)) + hole
                 S[H01 + l] = most_x if by_x <= most_x else by_x  # nan too
                 S[H10 + l] = most_y if by_y <= most_y else by_y
     for l in range(LANES):
