@@ -70,6 +70,9 @@ def settle_linear(
     which, wait = np.empty(LANES, np.int64), np.empty(2 * LANES, np.int64)
     work, land, car, meta, q, S = lay_out(buffer), loan(ground), bare(rover), bare(ground[2]), bare(out), bare(block)
     waiting, first = 0, start
+    if rough.too_fine(meta, car):
+        status[start:stop] = LEFT
+        first = stop
     while first < stop or waiting > 0:
         anew = waiting < LANES and first < stop  # else those that wait
         count = min(LANES, stop - first if anew else waiting)

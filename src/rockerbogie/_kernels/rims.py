@@ -18,7 +18,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .flat_cell import TIE
+from .flat_cell import HAIR, TIE
 from .ground import META_DX, META_DY, META_NX, META_NY
 from .jit import fused, inlined, njit
 from .lanes import AZ, LANES, OX, OY, OZ, PLACE, ROWS, UZ, VX, VY, Q, X, Y, rows
@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 COLUMNS = 48  # under one rim, at most
 MOST, MOST_ROWS = 2048, 1 << 20  # bounds of a lane, numbers in a block: more than there are
-NONE = -1e300  # a bound where there is none
+NONE, FOLLOWED = -1e300, -2e300  # a bound where there is none; less, where the cell is given and a place beside it will do
 ROOT_2 = math.sqrt(2.0)  # the greatest of |u| (3 - 2 u²), which is what E adds to the bend at most
 
 # One rim of each lane: its place on the axle; its middle, in cells along the two axes (p, t), and how it runs:
@@ -37,8 +37,26 @@ ROOT_2 = math.sqrt(2.0)  # the greatest of |u| (3 - 2 u²), which is what E adds
 (
     RIM, P0, T0, A, B, C, D, RHO, ZR, H2, Q2, FAR_T, OVER_H, OVER_Q, AC, BD, E, SWAP, SIGN, LOW_P, HIGH_P, FIRST, MORE, _walk
 ) = rows(ROWS, (LANES,) * 23)  # fmt: skip
-# A column: where the rim comes in, crosses a line (or goes out) and goes out, as sin φ, cos φ, and t; the two cells.
-S_IN, C_IN, T_IN, S_MID, C_MID, S_OUT, C_OUT, T_OUT, CELL_IN, CELL_OUT, BOUND_IN, BOUND_OUT, _cell = rows(_walk, (LANES,) * 12)
+# A column: where the rim comes in, crosses a line (or goes out) and goes out, as sin φ, cos φ, and t; the two cells
+# and their bounds; the cell it turns back in, if there is another, and its bound.
+(
+    S_IN,
+    C_IN,
+    T_IN,
+    S_MID,
+    C_MID,
+    S_OUT,
+    C_OUT,
+    T_OUT,
+    CELL_IN,
+    CELL_OUT,
+    BOUND_IN,
+    BOUND_OUT,
+    CELL_TURN,
+    BEYOND,
+    LOW_BEYOND,
+    _cell,
+) = rows(_walk, (LANES,) * 15)
 # A cell: its place along p and t, along x and y, its corners; the bound of what is looked at, and which piece that is.
 CP, CT, CI, CJ, H00, H01, H10, H11, LOW, PIECE, _best = rows(_cell, (LANES,) * 10)
 # The least gap found, where, in which cell (x, y) and with what slope of the contact; what could not be looked at is no lower
@@ -146,11 +164,13 @@ def _bound(S: Array, at_s: int, at_c: int, to_s: int, to_c: int, cell: int, out:
         wide = sr - sl
         most = 1.0 if sl * sr < 0.0 else max(cl, cr)
         firm, bent = gc - ROOT_2 * abs(twist * e), 2.0 * twist * (ac - bd)
+        least = min(cl, cr)
+        arched = gc + ROOT_2 * abs(twist * e) < bent * least * least * least
         # not hollow: so much of a parabola through both ends taken off makes it so, and lowers it between them
         off = 0.0 if firm > bent * most * most * most else max(0.5 * (bent - firm), 0.0) * wide
         by_l, by_r = by_l - off * cl, by_r + off * cr
         inner = fl + by_l * ((fr - fl) * cr - by_r * wide) / (by_l * cr - by_r * cl)
-        low = inner if (by_l < 0.0) & (by_r > 0.0) else min(fl, fr)
+        low = inner if (by_l < 0.0) & (by_r > 0.0) & (not arched) else min(fl, fr)
         S[out + l] = low if (firm > 0.0) & (low == low) else NONE
 
 
@@ -179,7 +199,9 @@ def bound_pieces(S: Array, grid: Array, meta: Array, columns: int) -> None:
             turn = np.floor(S[T0 + l] + math.copysign(S[FAR_T + l], rise))
             beyond = (rise * fall < 0.0) & ((turn > max(from_cell, to_cell)) | (turn < min(from_cell, to_cell)))
             doubt = S[DOUBT + l]
-            S[DOUBT + l] = NONE if beyond | (abs(from_cell - to_cell) > 1.0) else doubt
+            S[BEYOND + l], S[CELL_TURN + l] = (1.0 if beyond else 0.0), turn
+            further = max(turn - max(from_cell, to_cell), min(from_cell, to_cell) - turn)
+            S[DOUBT + l] = NONE if (abs(from_cell - to_cell) > 1.0) | (beyond & (further > 1.0)) else doubt
             column = first + min(1.0 * m, S[MORE + l])
             swap = S[SWAP + l] > 0.0
             S[CELL_IN + l], S[CELL_OUT + l], S[CP + l] = from_cell, to_cell, column
@@ -191,6 +213,19 @@ def bound_pieces(S: Array, grid: Array, meta: Array, columns: int) -> None:
             S[CI + l], S[CJ + l] = (t if swap else p), (p if swap else t)
         corners(S, grid, meta)
         _bound(S, S_MID, C_MID, S_OUT, C_OUT, CELL_OUT, BOUND_OUT)
+        turning = 0.0
+        for l in range(LANES):
+            turning += S[BEYOND + l]
+        if turning > 0.0:
+            # what lies beyond is not looked at: it is no lower than all of the column's part would be over that cell
+            for l in range(LANES):
+                swap, p, t = S[SWAP + l] > 0.0, S[CP + l], S[CELL_TURN + l]
+                S[CI + l], S[CJ + l] = (t if swap else p), (p if swap else t)
+            corners(S, grid, meta)
+            _bound(S, S_IN, C_IN, S_OUT, C_OUT, CELL_TURN, LOW_BEYOND)
+            for l in range(LANES):
+                doubt, low = S[DOUBT + l], S[LOW_BEYOND + l]
+                S[DOUBT + l] = min(doubt, low) if S[BEYOND + l] > 0.0 else doubt
         for l in range(LANES):
             k = 2 * m * LANES + l
             none, cell_in, cell_out, bound_in, bound_out = (
@@ -199,12 +234,8 @@ def bound_pieces(S: Array, grid: Array, meta: Array, columns: int) -> None:
             bound_in, bound_out = (math.inf if none else bound_in), (math.inf if none | (cell_in == cell_out) else bound_out)
             S[BOUNDS + k], S[BOUNDS + LANES + k], S[CELLS + k], S[CELLS + LANES + k] = bound_in, bound_out, cell_in, cell_out
         for l in range(LANES):
-            low, piece, bound_in, bound_out = (
-                S[LOW + l],
-                S[PIECE + l],
-                S[BOUNDS + 2 * m * LANES + l],
-                S[BOUNDS + (2 * m + 1) * LANES + l],
-            )
+            k = 2 * m * LANES + l
+            low, piece, bound_in, bound_out = S[LOW + l], S[PIECE + l], S[BOUNDS + k], S[BOUNDS + LANES + k]
             piece = 2.0 * m if bound_in < low else piece
             low = min(low, bound_in)
             piece = 2.0 * m + 1.0 if bound_out < low else piece
@@ -293,6 +324,8 @@ def nearest(S: Array, meta: Array) -> None:
         f += 0.5 * g * step if inside else 0.0
         most = 1.0 if sl * sr < 0.0 else max(cl, cr)
         hollow = gc - ROOT_2 * abs(twist * e) > bent * twist * most * most * most
+        least = min(cl, cr)
+        arched = gc + ROOT_2 * abs(twist * e) < bent * twist * least * least * least
         sure = hollow & (inside | (before & (g >= 0.0)) | (beyond & (g <= 0.0)))
         # else an end may be lower, and be all there is, or not
         fl = f0 - gs * sl - gc * cl - twist * (ac * sl * sl + e * sl * cl + bd * cl * cl)
@@ -302,7 +335,10 @@ def nearest(S: Array, meta: Array) -> None:
         s, k = (sl if at_l else (sr if at_r else s)), (cl if at_l else (cr if at_r else k))
         f = fl if at_l else (fr if at_r else f)
         low, doubt = S[LOW + l], S[DOUBT + l]
-        S[DOUBT + l] = doubt if sure | (f <= low + TIE) else min(doubt, low)
+        # a rim that turns back out of the cell and in again is not over it all the way
+        t = S[T0 + l] + c * s + d * k - S[CT + l]
+        real = (low < FOLLOWED) | ((t > -HAIR) & (t < 1.0 + HAIR))
+        S[DOUBT + l] = doubt if real & (sure | arched | (f <= low + TIE)) else min(doubt, low)
         # the contact's slope: the ground's, and on a ridge the one between its two sides' that is square to the rim
         along_p, along_t, rise = a * k - b * s, c * k - d * s, S[RHO + l] * s
         gp, gt = slope_p + twist * (c * s + d * k), slope_t + twist * (a * s + b * k)
@@ -310,7 +346,7 @@ def nearest(S: Array, meta: Array) -> None:
         cut = (rise - (gp * along_p if on_t else gt * along_t)) / (along_t if on_t else along_p)
         gp, gt = (cut if on_p else gp), (cut if on_t else gt)
         swap = S[SWAP + l] > 0.0
-        less = (low < math.inf) & (not (f >= S[LEAST + l]))  # nan stays
+        less = real & (low < math.inf) & (not (f >= S[LEAST + l]))  # nan stays
         was_f, was_s, was_k, was_place, was_x, was_y = (
             S[LEAST + l], S[L_SINE + l], S[L_COSINE + l], S[L_PLACE + l], S[L_GX + l], S[L_GY + l],
         )  # fmt: skip
@@ -351,6 +387,6 @@ def follow_rims(S: Array, grid: Array, meta: Array, rover: Array, i: int) -> Non
     for l in range(LANES):
         swap = S[SWAP + l] > 0.0
         S[CP + l], S[CT + l] = (S[CJ + l] if swap else S[CI + l]), (S[CI + l] if swap else S[CJ + l])
-        S[LOW + l] = NONE if abs(S[PLACE + i * LANES + l]) >= half else math.inf
+        S[LOW + l] = 2.0 * FOLLOWED if abs(S[PLACE + i * LANES + l]) >= half else math.inf
     corners(S, grid, meta)
     nearest(S, meta)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from .contact import NEARLY, TOLERANCE, WIDEST
 from .edges import (
     EDGE_ROWS,
+    SIDE,
     clear_above,
     clear_here,
     follow_insides,
@@ -262,6 +263,16 @@ def judge(S: Array, proved: bool) -> bool:
         S[LIVE + l] = 1.0 if S[FATE + l] == SOUGHT else 0.0
         live |= S[FATE + l] == SOUGHT
     return live
+
+
+@njit
+def too_fine(meta: Array, rover: Array) -> bool:
+    """Whether more cells lie under a wide wheel than there is room for, as it may stand: then lanes are no help."""
+    for i in range(6):
+        r, half = rover[P_RADIUS + i], rover[P_HALF + i]
+        if half > 0.0 and 2.0 * math.hypot(r, half) > (SIDE - 2.0) * min(meta[META_DX], meta[META_DY]):
+            return True
+    return False
 
 
 @njit
