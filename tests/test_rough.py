@@ -109,7 +109,7 @@ def test_lanes_settle_by_the_oracle_and_as_one_pose_alone(name: str, kind: str) 
     x, y, yaw = spots(terrain, rover, 64)
     given = terrain.packed, rover.packed, x, y, yaw, np.zeros((1, 6))
     q, status = np.full((64, 6), np.nan), np.zeros(64, np.uint8)
-    batch.settle_linear(*given, q, status, 0, 64)
+    batch.settle_linear(*given, q, status, np.arange(64), 0, 64)
     done = status != batch.LEFT
     if not rough.too_fine(terrain.packed.meta, rover.packed):
         assert done.mean() > (0.95 if kind == "plane" else 0.5)

@@ -63,21 +63,24 @@ def settle_cubic(
 @njit
 def settle_linear(
     ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, out: Array, status: NDArray[np.uint8],
+    order: NDArray[np.int64],
     start: int, stop: int,
 ) -> None:  # fmt: skip
-    """As `settle_cubic`, on linear ground. Poses that need more than one round wait until there is a block of them."""
+    """As `settle_cubic`, on linear ground, in the `order` (n,) given. Poses that need more than one round wait until there is a
+    block of them."""
     buffer, block = np.empty(WORK_SIZE), np.empty(rough.ROUGH_ROWS)
     which, wait = np.empty(LANES, np.int64), np.empty(2 * LANES, np.int64)
     work, land, car, meta, q, S = lay_out(buffer), loan(ground), bare(rover), bare(ground[2]), bare(out), bare(block)
     waiting, first = 0, start
     if rough.too_fine(meta, car):
-        status[start:stop] = LEFT
+        for n in range(start, stop):
+            status[order[n]] = LEFT
         first = stop
     while first < stop or waiting > 0:
         anew = waiting < LANES and first < stop  # else those that wait
         count = min(LANES, stop - first if anew else waiting)
         for l in range(count):
-            which[l] = first + l if anew else wait[l]
+            which[l] = order[first + l] if anew else wait[l]
         load(S, car, meta, x, y, yaw, steering, which, count, first == start, work)
         if anew:
             first += count

@@ -178,6 +178,7 @@ def _bound(S: Array, at_s: int, at_c: int, to_s: int, to_c: int, cell: int, out:
 def bound_pieces(S: Array, grid: Array, meta: Array, columns: int) -> None:
     """Fill BOUNDS and CELLS of the first `columns` columns; LOW and PIECE are the lowest."""
     columns = min(max(columns, 0), COLUMNS)
+    lanes = min(LANES, columns * LANES)  # LANES; a compiler that knows writes short loops out instead of fusing them
     for l in range(LANES):
         S[LOW + l], S[PIECE + l] = math.inf, 0.0
         s, c = _crossing(S[A + l], S[B + l], S[OVER_H + l], S[H2 + l], S[LOW_P + l])
@@ -213,10 +214,10 @@ def bound_pieces(S: Array, grid: Array, meta: Array, columns: int) -> None:
             S[CI + l], S[CJ + l] = (t if swap else p), (p if swap else t)
         corners(S, grid, meta)
         _bound(S, S_MID, C_MID, S_OUT, C_OUT, CELL_OUT, BOUND_OUT)
-        turning = 0.0
-        for l in range(LANES):
-            turning += S[BEYOND + l]
-        if turning > 0.0:
+        turning = 0
+        for l in range(lanes):
+            turning += 1 if S[BEYOND + l] > 0.0 else 0
+        if turning > 0:
             # what lies beyond is not looked at: it is no lower than all of the column's part would be over that cell
             for l in range(LANES):
                 swap, p, t = S[SWAP + l] > 0.0, S[CP + l], S[CELL_TURN + l]
@@ -248,7 +249,7 @@ def next_lowest(S: Array, bounds: int, count: int) -> None:
     """LOW is the lowest of each lane's `count` bounds in the rows from `bounds` on, and PIECE which; that which PIECE was
     is done with."""
     bounds, count = min(max(bounds, 0), MOST_ROWS), min(max(count, 0), MOST)
-    lanes = min(LANES, count * LANES)  # LANES; a compiler that knows writes short loops out instead of fusing them
+    lanes = min(LANES, count * LANES)  # as in `bound_pieces`
     for l in range(lanes):
         S[BOUND_IN + l], S[PIECE + l], S[LOW + l] = S[PIECE + l], 0.0, math.inf
     for m in range(count):
@@ -260,20 +261,22 @@ def next_lowest(S: Array, bounds: int, count: int) -> None:
 
 
 @fused
-def take_up(S: Array) -> float:
-    """Of the lanes whose LOW is below LEAST the cells of their pieces, LOW inf for others; how many they are."""
-    for l in range(LANES):
+def take_up(S: Array, lanes: int) -> int:
+    """Of the lanes whose LOW is below LEAST the cells of their pieces, LOW inf for others; how many they are. `lanes`: LANES."""
+    lanes = min(max(lanes, 0), LANES)
+    count = 0
+    for l in range(lanes):
         low = S[LOW + l]
-        S[LOW + l] = low if low < S[LEAST + l] - TIE else math.inf
+        matters = low < S[LEAST + l] - TIE
+        S[LOW + l] = low if matters else math.inf
         S[CP + l] = S[FIRST + l] + np.floor(0.5 * S[PIECE + l])
-    lanes = 0.0
+        count += 1 if matters else 0
     for l in range(LANES):
         S[CT + l] = S[CELLS + np.uint64(S[PIECE + l]) * np.uint64(LANES) + np.uint64(l)]
-        lanes += 1.0 if S[LOW + l] < math.inf else 0.0
-    for l in range(LANES):
+    for l in range(lanes):
         swap, p, t = S[SWAP + l] > 0.0, S[CP + l], S[CT + l]
         S[CI + l], S[CJ + l] = (t if swap else p), (p if swap else t)
-    return lanes
+    return count
 
 
 @fused
@@ -373,7 +376,7 @@ def search_rims(S: Array, grid: Array, meta: Array, rover: Array, i: int) -> Non
         else:
             S[DOUBT + l] = NONE
     bound_pieces(S, grid, meta, columns)
-    while take_up(S) > 0.0:
+    while take_up(S, min(LANES, columns * LANES)) > 0:
         corners(S, grid, meta)
         nearest(S, meta)
         next_lowest(S, BOUNDS, 2 * columns)
