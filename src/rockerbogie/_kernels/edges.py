@@ -52,11 +52,11 @@ TINY = 1e-14  # m: an edge right along the axle has no place where it is least; 
 # A wheel: its hub's height, cos τ, tan τ, 1 / cos τ and the axle's z; u and v from its hub at the map's first node, how they
 # change from node to node along x and y, and the inverse of u's change; the plane; the first and last node under it along x and
 # y; a cell's area; its half width, or less than none where no contact is sought; what `clear_above` knows and
-# says; whether there is room for its nodes.
+# says; whether there is room for its nodes, their greatest rises along x and y, and what was said of all the ground.
 (
     ZH, COS, TAN, OVER, AXLE_Z, U0, V0, U_X, U_Y, V_X, V_Y, OVER_X, OVER_Y, P_0, P_U, COL_0, ROW_0, COL_1, ROW_1,
-    DET, HALF, STEEP, CLEAR, FITS, _nodes,
-) = rows(RIM_ROWS, (LANES,) * 24)  # fmt: skip
+    DET, HALF, STEEP, CLEAR, FITS, RISE_X, RISE_Y, CLEAR_ALL, _nodes,
+) = rows(RIM_ROWS, (LANES,) * 27)  # fmt: skip
 # The nodes under a wheel, row by row: their heights, and the bounds of the cells they are the low corners of.
 HEIGHTS, CELL_BOUNDS, EDGE_ROWS = rows(_nodes, (ROOM * LANES,) * 2)
 
@@ -139,25 +139,25 @@ def clear_here(S: Array, meta: Array, columns: int, lines: int) -> None:
     columns, lines = min(max(columns, 0), SIDE), min(max(lines, 0), SIDE)
     over_x, over_y = 1.0 / (meta[META_DX] * meta[META_DX]), 1.0 / (meta[META_DY] * meta[META_DY])
     for l in range(LANES):
-        S[H01 + l] = S[H10 + l] = 0.0
+        S[RISE_X + l] = S[RISE_Y + l] = 0.0
     for m in range(lines - 1):
         for n in range(columns - 1):
             at = HEIGHTS + min(m * columns + n, ROOM - 1) * LANES
             right, above = at + LANES, HEIGHTS + min((m + 1) * columns + n, ROOM - 1) * LANES
             beyond = above + LANES
             for l in range(LANES):
-                a, b, d, e, most_x, most_y = S[at + l], S[right + l], S[above + l], S[beyond + l], S[H01 + l], S[H10 + l]
+                a, b, d, e, most_x, most_y = S[at + l], S[right + l], S[above + l], S[beyond + l], S[RISE_X + l], S[RISE_Y + l]
                 hole = 0.0 * (a + b + d + e)  # nan in one; max would lose it
                 by_x, by_y = max(abs(b - a), abs(e - d)) + hole, max(abs(d - a), abs(e - b)) + hole
-                S[H01 + l] = most_x if by_x <= most_x else by_x  # nan too
-                S[H10 + l] = most_y if by_y <= most_y else by_y
+                S[RISE_X + l] = most_x if by_x <= most_x else by_x  # nan too
+                S[RISE_Y + l] = most_y if by_y <= most_y else by_y
     for l in range(LANES):
-        S[STEEP + l] = S[H01 + l] * S[H01 + l] * over_x + S[H10 + l] * S[H10 + l] * over_y
-        S[H00 + l] = S[CLEAR + l]
+        S[STEEP + l] = S[RISE_X + l] * S[RISE_X + l] * over_x + S[RISE_Y + l] * S[RISE_Y + l] * over_y
+        S[CLEAR_ALL + l] = S[CLEAR + l]
     clear_above(S)
     for l in range(LANES):
         doubt = S[DOUBT + l]
-        S[DOUBT + l] = doubt if (S[H00 + l] > 0.0) | (S[CLEAR + l] * S[FITS + l] > 0.0) else NONE
+        S[DOUBT + l] = doubt if (S[CLEAR_ALL + l] > 0.0) | (S[CLEAR + l] * S[FITS + l] > 0.0) else NONE
 
 
 @inlined

@@ -58,7 +58,6 @@ from .lanes import (
 )
 from .linkage import P_HALF, P_HUB, P_PIVOT, P_RADIUS
 from .rims import (
-    C_MID,
     CI,
     CJ,
     DOUBT,
@@ -74,10 +73,7 @@ from .rims import (
     L_ROW,
     L_SINE,
     LEAST,
-    LOW,
     RIM,
-    S_IN,
-    S_MID,
     corners,
     follow_rims,
     no_gap,
@@ -90,7 +86,9 @@ Array = NDArray[np.float64]
 # A wheel: the cell of its contact; 1 where the search could not tell.
 COL, ROW, ASTRAY, _lane = rows(EDGE_ROWS, (ALL,) * 3)
 # A pose: the greatest of its gaps, and what has become of it.
-DEEPEST, FATE, ROUGH_ROWS = rows(_lane, (LANES,) * 2)
+DEEPEST, FATE, _spot = rows(_lane, (LANES,) * 2)
+# A place that is sounded, from the map's first node; of the tread there and of the ground the height.
+SPOT_X, SPOT_Y, SPOT_Z, SPOT_H, ROUGH_ROWS = rows(_spot, (LANES,) * 4)
 SOUGHT, SETTLED, LOST = 0.0, 1.0, 2.0
 
 FOLLOWED = 4  # steps on contacts that are followed
@@ -103,11 +101,11 @@ def start(S: Array, grid: Array, meta: Array, rover: Array) -> None:
     for l in range(LANES):
         S[LIVE + l], S[Q + l] = 1.0, 0.0
         S[Q + LANES + l] = S[Q + 2 * LANES + l] = S[Q + 3 * LANES + l] = S[Q + 4 * LANES + l] = S[Q + 5 * LANES + l] = 0.0
-        S[S_MID + l], S[C_MID + l] = S[X + l], S[Y + l]
+        S[SPOT_X + l], S[SPOT_Y + l] = S[X + l], S[Y + l]
     set_home(S, meta)
     ground_under(S, grid, meta)
     for l in range(LANES):
-        h = S[LOW + l]
+        h = S[SPOT_H + l]
         S[Q + l] = (h if h == h else 0.0) + height  # a hole under the body alone is no matter
     place_body(S, rover)
     place_wheels(S, rover)
@@ -119,7 +117,7 @@ def start(S: Array, grid: Array, meta: Array, rover: Array) -> None:
             sound(S, rover, i, SINES[n], COSINES[n], s)
             ground_under(S, grid, meta)
             for l in range(LANES):
-                gap = S[S_IN + l] - S[LOW + l]
+                gap = S[SPOT_Z + l] - S[SPOT_H + l]
                 if gap < S[LEAST + l]:
                     S[LEAST + l], S[L_SINE + l], S[L_COSINE + l], S[L_PLACE + l] = gap, SINES[n], COSINES[n], s
         hold(S, meta, rover, i, 2.0 * half + 1.0, 0.0)
@@ -138,28 +136,28 @@ SOUNDINGS = len(SINES)
 
 @fused
 def sound(S: Array, rover: Array, i: int, sine: float, cosine: float, s: float) -> None:
-    """A point of each tread of wheel i: its place S_MID, C_MID and its height S_IN."""
+    """A point of each tread of wheel i: its place SPOT_X, SPOT_Y and its height SPOT_Z."""
     i = min(max(i, 0), 5)
     u, q = rover[P_RADIUS + i] * sine, rover[P_RADIUS + i] * cosine
     for l in range(LANES):
         k = i * LANES + l
         vx, vy, az, uz = S[VX + k], S[VY + k], S[AZ + k], S[UZ + k]
         along = s * uz + q * az
-        S[S_MID + l], S[C_MID + l] = S[X + l] + S[OX + k] + u * vy + along * vx, S[Y + l] + S[OY + k] + along * vy - u * vx
-        S[S_IN + l] = S[Q + l] + S[OZ + k] + s * az - q * uz
+        S[SPOT_X + l], S[SPOT_Y + l] = S[X + l] + S[OX + k] + u * vy + along * vx, S[Y + l] + S[OY + k] + along * vy - u * vx
+        S[SPOT_Z + l] = S[Q + l] + S[OZ + k] + s * az - q * uz
 
 
 @fused
 def ground_under(S: Array, grid: Array, meta: Array) -> None:
-    """The ground's height LOW at S_MID, C_MID."""
+    """The ground's height SPOT_H at SPOT_X, SPOT_Y."""
     over_x, over_y = 1.0 / meta[META_DX], 1.0 / meta[META_DY]
     for l in range(LANES):
-        S[CI + l], S[CJ + l] = np.floor(S[S_MID + l] * over_x), np.floor(S[C_MID + l] * over_y)
+        S[CI + l], S[CJ + l] = np.floor(S[SPOT_X + l] * over_x), np.floor(S[SPOT_Y + l] * over_y)
     corners(S, grid, meta)
     for l in range(LANES):
-        u, v = S[S_MID + l] * over_x - S[CI + l], S[C_MID + l] * over_y - S[CJ + l]
+        u, v = S[SPOT_X + l] * over_x - S[CI + l], S[SPOT_Y + l] * over_y - S[CJ + l]
         low, high = S[H00 + l] + u * (S[H01 + l] - S[H00 + l]), S[H10 + l] + u * (S[H11 + l] - S[H10 + l])
-        S[LOW + l] = low + v * (high - low)
+        S[SPOT_H + l] = low + v * (high - low)
 
 
 @fused
