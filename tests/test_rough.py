@@ -126,6 +126,21 @@ def test_lanes_settle_by_the_oracle_and_as_one_pose_alone(name: str, kind: str) 
 
 
 @pytest.mark.parametrize("name", ROVERS)
+@pytest.mark.parametrize("cell", [1.0, 4.0, 12.0])
+def test_nearly_level_wheels_along_the_grid(name: str, cell: float) -> None:
+    """Half a rim over one cell, its ends at the height of the axle: what bounds it there is nearly nothing over nothing."""
+    rover = ROVERS[name]
+    r = float(rover.wheel_radius.min())
+    for roughness in (1e-3, 1e-2, 0.1):
+        z = np.random.default_rng(2).normal(size=(150, 150)) * roughness * r
+        terrain = rb.Terrain.from_array(z, cell * r, interpolation="linear")
+        x, y, _ = spots(terrain, rover, 300)
+        pose = rb.settle(rover, terrain, x, y, np.random.default_rng(4).integers(-4, 5, 300) * np.pi / 2)
+        assert (pose.status == rb.Status.CONVERGED).all()
+        assert np.abs(pose.gap).max() < 1e-9
+
+
+@pytest.mark.parametrize("name", ROVERS)
 def test_a_pose_on_rough_ground_does_not_know_its_neighbours(name: str) -> None:
     """Alone, in any order, in any company, on a map with holes: the same bits."""
     rover = ROVERS[name]

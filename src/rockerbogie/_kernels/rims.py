@@ -155,7 +155,8 @@ def _bound(S: Array, at_s: int, at_c: int, to_s: int, to_c: int, cell: int, out:
     """A bound of the gap over a piece, exact where it has its least at an end."""
     for l in range(LANES):
         _, _, twist, f0, gs, gc, _ = _over_cell(S, l, S[CP + l], S[cell + l])
-        sl, cl, sr, cr = S[at_s + l], S[at_c + l], S[to_s + l], S[to_c + l]
+        # rounding may take an end a little beyond the axle's height
+        sl, cl, sr, cr = S[at_s + l], max(S[at_c + l], 0.0), S[to_s + l], max(S[to_c + l], 0.0)
         ac, bd, e = S[AC + l], S[BD + l], S[E + l]
         fl = f0 - gs * sl - gc * cl - twist * (ac * sl * sl + e * sl * cl + bd * cl * cl)
         fr = f0 - gs * sr - gc * cr - twist * (ac * sr * sr + e * sr * cr + bd * cr * cr)
@@ -170,8 +171,9 @@ def _bound(S: Array, at_s: int, at_c: int, to_s: int, to_c: int, cell: int, out:
         off = 0.0 if firm > bent * most * most * most else max(0.5 * (bent - firm), 0.0) * wide
         by_l, by_r = by_l - off * cl, by_r + off * cr
         inner = fl + by_l * ((fr - fl) * cr - by_r * wide) / (by_l * cr - by_r * cl)
-        low = inner if (by_l < 0.0) & (by_r > 0.0) & (not arched) else min(fl, fr)
-        S[out + l] = low if (firm > 0.0) & (low == low) else NONE
+        ends = min(fl, fr)
+        low = max(min(inner, ends), NONE) if (by_l < 0.0) & (by_r > 0.0) & (not arched) else ends
+        S[out + l] = low if (firm > 0.0) & (inner == inner) & (ends == ends) else NONE
 
 
 @fused
