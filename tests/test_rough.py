@@ -141,6 +141,23 @@ def test_nearly_level_wheels_along_the_grid(name: str, cell: float) -> None:
 
 
 @pytest.mark.parametrize("name", ROVERS)
+def test_a_hole_under_a_wheel_is_never_settled_over(name: str) -> None:
+    """What lanes settle has six gaps by the search of one wheel, which says where it meets a hole."""
+    rover = ROVERS[name]
+    r = float(rover.wheel_radius.min())
+    for cell in (0.5, 1.0):
+        rng = np.random.default_rng(6)
+        z = rng.normal(size=(200, 200)) * 0.1 * r
+        z[rng.uniform(size=z.shape) < 0.01] = np.nan
+        terrain = rb.Terrain.from_array(z, cell * r, interpolation="linear")
+        x, y, yaw = spots(terrain, rover, 3000)
+        pose = rb.settle(rover, terrain, x, y, yaw)
+        known = pose.status != rb.Status.NO_DATA
+        assert 0.02 < known.mean() < 0.98
+        assert np.isfinite(pose.gap[known & np.isfinite(pose.z)]).all()
+
+
+@pytest.mark.parametrize("name", ROVERS)
 def test_a_pose_on_rough_ground_does_not_know_its_neighbours(name: str) -> None:
     """Alone, in any order, in any company, on a map with holes: the same bits."""
     rover = ROVERS[name]

@@ -147,10 +147,9 @@ def clear_here(S: Array, meta: Array, columns: int, lines: int) -> None:
             beyond = above + LANES
             for l in range(LANES):
                 a, b, d, e, most_x, most_y = S[at + l], S[right + l], S[above + l], S[beyond + l], S[RISE_X + l], S[RISE_Y + l]
-                hole = 0.0 * (a + b + d + e)  # nan in one; max would lose it
-                by_x, by_y = max(abs(b - a), abs(e - d)) + hole, max(abs(d - a), abs(e - b)) + hole
-                S[RISE_X + l] = most_x if by_x <= most_x else by_x  # nan too
-                S[RISE_Y + l] = most_y if by_y <= most_y else by_y
+                hole = 0.0 * (a + b + d + e + most_x)  # nan in one, or before; max would lose it
+                S[RISE_X + l] = max(most_x, max(abs(b - a), abs(e - d))) + hole
+                S[RISE_Y + l] = max(most_y, max(abs(d - a), abs(e - b)))
     for l in range(LANES):
         S[STEEP + l] = S[RISE_X + l] * S[RISE_X + l] * over_x + S[RISE_Y + l] * S[RISE_Y + l] * over_y
         S[CLEAR_ALL + l] = S[CLEAR + l]

@@ -235,13 +235,13 @@ def follow(S: Array, grid: Array, meta: Array, rover: Array) -> None:
 
 @fused
 def deepest(S: Array) -> None:
-    """Fill DEEPEST; nan where a gap is."""
+    """Fill DEEPEST; nan where a gap is, or infinite."""
     for l in range(LANES):
         S[DEEPEST + l] = 0.0
     for i in range(6):
         for l in range(LANES):
             gap, deep = abs(S[GAP + i * LANES + l]), S[DEEPEST + l]
-            S[DEEPEST + l] = deep if gap <= deep else gap
+            S[DEEPEST + l] = max(deep, gap) + 0.0 * (deep + gap)  # max alone would lose a nan
 
 
 @njit
