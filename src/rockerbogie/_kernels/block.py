@@ -1,4 +1,4 @@
-"""A block of poses on cubic ground: into the lanes, settled there, and proved one by one."""
+"""Poses into the lanes; and a block of them on cubic ground: settled there, and proved one by one."""
 
 from __future__ import annotations
 
