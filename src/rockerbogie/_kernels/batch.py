@@ -12,9 +12,10 @@ from .block import BLOCK_SIZE, ROUNDS, VERDICT, load, settle_block
 from .contact import CONVERGED, JOINT_STOP, beyond_stops, settle_contact
 from .equilibrium import settle_equilibrium
 from .ground import META_X, META_Y, META_Z, Ground, loan
-from .jit import bare, inlined, njit
-from .lanes import LANES, Q
+from .jit import inlined, njit
+from .lanes import LANES, LINE, Q, line_up
 from .linkage import P_BOX, PITCH, ROLL, Z, body_axes, stand, stand_feet
+from .memory import bare
 from .proof import LEAST
 from .tread import FOUND, least_gap, patches
 from .underside import NEAR_ROOM, NEAR_SIZE, box_over_ground, least_clearance
@@ -47,8 +48,8 @@ def settle_cubic(
 ) -> None:  # fmt: skip
     """Contact mode on cubic ground. x, y, yaw (n,), steering (n, 6) or (1, 6); fills out (n, 6) as linkage's q, and
     status (n,), with LEFT among them."""
-    buffer, block, which = np.empty(WORK_SIZE), np.empty(BLOCK_SIZE), np.empty(LANES, np.int64)
-    work, land, car, meta, q, S = lay_out(buffer), loan(ground), bare(rover), bare(ground[2]), bare(out), bare(block)
+    buffer, block, which = np.empty(WORK_SIZE), np.empty(BLOCK_SIZE + LINE), np.empty(LANES, np.int64)
+    work, land, car, meta, q, S = lay_out(buffer), loan(ground), bare(rover), bare(ground[2]), bare(out), line_up(block)
     for first in range(start, stop, LANES):
         count = min(LANES, stop - first)
         for l in range(count):
@@ -68,9 +69,9 @@ def settle_linear(
 ) -> None:  # fmt: skip
     """As `settle_cubic`, on linear ground, in the `order` (n,) given. Poses that need more than one round wait until there is a
     block of them."""
-    buffer, block = np.empty(WORK_SIZE), np.empty(rough.ROUGH_ROWS)
+    buffer, block = np.empty(WORK_SIZE), np.empty(rough.ROUGH_ROWS + LINE)
     which, wait = np.empty(LANES, np.int64), np.empty(2 * LANES, np.int64)
-    work, land, car, meta, q, S = lay_out(buffer), loan(ground), bare(rover), bare(ground[2]), bare(out), bare(block)
+    work, land, car, meta, q, S = lay_out(buffer), loan(ground), bare(rover), bare(ground[2]), bare(out), line_up(block)
     waiting, first = 0, start
     if rough.too_fine(meta, car):
         for n in range(start, stop):

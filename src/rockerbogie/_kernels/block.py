@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import lanes, smooth, wheel
-from .contact import TOLERANCE, WIDEST
+from .contact import TOLERANCE
 from .ground import META_BEND, META_X, META_Y, Ground
 from .jit import inlined
 from .linkage import P_HALF, P_RADIUS, stand_feet
@@ -52,17 +52,12 @@ def load(
 def prove(S: Array, ground: Ground, rover: Array, l: int, work: Work) -> int:
     """Whether lane l has settled upright, and that over all treads: LEAST. LOWER where it is to go on: a tread is deeper in
     the ground elsewhere, which its contact is moved to, or not near enough. UNKNOWN where it is to be settled otherwise."""
-    if S[lanes.LIVE + l] != 0.0:
+    if S[smooth.SOUND + l] == 0.0:
         return UNKNOWN
-    for n in range(1, 6):
-        if abs(S[lanes.Q + n * lanes.LANES + l]) > WIDEST:
-            return UNKNOWN
     w, best = work.wheels[0], work.best
     verdict = LEAST
     for i in range(6):
         k = i * lanes.LANES + l
-        if S[smooth.ASTRAY + k] != 0.0:
-            return UNKNOWN
         if rover[P_HALF + i] == 0.0 and rover[P_RADIUS + i] * ground[2][META_BEND] < SMOOTH:
             continue  # all of the map bends less than this rim
         vx, vy, az, level = S[lanes.VX + k], S[lanes.VY + k], S[lanes.AZ + k], S[lanes.UZ + k]
@@ -90,10 +85,22 @@ def settle_block(S: Array, ground: Ground, rover: Array, count: int, work: Work)
     otherwise."""
     grid, _, meta = ground
     for l in range(lanes.LANES):
-        S[lanes.LIVE + l], S[VERDICT + l] = (1.0, LOWER) if l < count else (0.0, UNKNOWN)
+        S[lanes.LIVE + l] = 1.0 if l < count else 0.0
     smooth.start(S, grid, meta, rover)
+    sure = smooth.sure_step(meta, rover)
+    if sure > 0.0:  # wherever a rim touches, that is its only place
+        smooth.settle(S, grid, meta, rover, sure)
+        smooth.standing(S)
+        for l in range(lanes.LANES):
+            S[VERDICT + l] = LEAST if S[smooth.SOUND + l] == 1.0 else UNKNOWN
+        return
+    for l in range(lanes.LANES):
+        S[VERDICT + l] = LOWER if l < count else UNKNOWN
     for _ in range(ROUNDS):
-        smooth.settle(S, grid, meta, rover)
+        smooth.settle(S, grid, meta, rover, smooth.SMALL)
+        smooth.standing(S)
+        lanes.place_body(S, rover)  # where the last step has left the wheels
+        lanes.place_wheels(S, rover)
         again = False
         for l in range(count):
             if S[VERDICT + l] == LOWER:

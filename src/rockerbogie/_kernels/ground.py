@@ -17,7 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .jit import bare, by_ground, inlined, njit, window
+from .jit import by_ground, inlined, njit
+from .memory import bare, window
 
 # META_BEND: no second derivative of the ground along any level direction is greater; inf where it has ridges or holes.
 # META_STEEP: bilinear ground is nowhere steeper; inf where that is not known.

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
-from numba.core import cgutils, event, types
-from numba.extending import intrinsic, overload
+from numba.core import event, types
+from numba.extending import overload
 
 
 def _drop_stale_cache() -> None:
@@ -112,66 +112,6 @@ def by_ground(function: Callable[..., Any]) -> Callable[[Maker], Maker]:
         return make
 
     return register
-
-
-if numba.config.DISABLE_JIT:
-
-    def bare(array: Any) -> Any:
-        """The array itself: there is nothing to gain in plain Python."""
-        return array
-
-    class _Window:
-        """What `window` gives where there are no pointers to move. Indices beside the window raise."""
-
-        def __init__(self, array: Any, row: int, col: int) -> None:
-            self.array, self.row, self.col = array, row, col
-
-        def __getitem__(self, at: tuple[int, int]) -> Any:
-            row, col = at[0] - self.row, at[1] - self.col
-            if row < 0 or col < 0:
-                raise IndexError(f"node {at} lies before the window's first, {self.row, self.col}")
-            return self.array[row, col]
-
-    def window(array: Any, row: int, col: int) -> Any:
-        """The array, indexed as the part of a larger one that begins at (row, col)."""
-        return _Window(array, row, col) if row or col else array
-
-else:
-
-    def _bare(typing_context: Any, array: Any) -> Any:
-        """A view of an array that is not counted as a reference to it.
-
-        Counting is atomic, and at a hundred views a pose costs as much as the arithmetic. Whoever owns the array must
-        outlive the view.
-        """
-
-        def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            view = context.make_array(signature.args[0])(context, builder, args[0])
-            view.meminfo = view.meminfo.type(None)
-            view.parent = view.parent.type(None)
-            return view._getvalue()
-
-        return array(array), codegen
-
-    bare = intrinsic(_bare)
-
-    def _window(typing_context: Any, array: Any, row: Any, col: Any) -> Any:
-        """A `bare` view (2 axes) that is indexed as the part of a larger array that begins at (row, col): its address is
-        moved back by so much, so that the larger one's indices meet what they should. No index may go beside the part."""
-
-        def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            view = context.make_array(signature.args[0])(context, builder, args[0])
-            steps = cgutils.unpack_tuple(builder, view.strides)
-            back = [builder.mul(builder.neg(n), step) for n, step in zip(args[1:], steps, strict=True)]
-            start = builder.gep(builder.bitcast(view.data, cgutils.voidptr_t), [builder.add(*back)])
-            view.data = builder.bitcast(start, view.data.type)
-            view.meminfo = view.meminfo.type(None)
-            view.parent = view.parent.type(None)
-            return view._getvalue()
-
-        return array(array, numba.types.intp, numba.types.intp), codegen
-
-    window = intrinsic(_window)
 
 
 #: Fewer items than this are one thread's work: waking others takes longer, on a busy machine by milliseconds.

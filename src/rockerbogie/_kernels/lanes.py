@@ -12,8 +12,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .jit import fused
+from .jit import fused, inlined
 from .linkage import P_DIFF, P_KNEE, P_ORDER, P_PIVOT
+from .memory import bare, node_taker
 from .sincos import sine_cosine
 
 Array = NDArray[np.float64]
@@ -38,6 +39,20 @@ FX, FY, FZ, FC, FS, LC, LS, BX, BZ, BR, OX, OY, OZ, AZ, VX, VY, UZ, _touch = row
 # Where it touches: sin φ, cos φ, s; that place from the hub, the contact's slope, the gap, and the gap's change with roll,
 # pitch, rocker and bogie.
 SINE, COSINE, PLACE, TX, TY, TZ, GX, GY, GAP, BY_ROLL, BY_PITCH, BY_ROCKER, BY_BOGIE, ROWS = rows(_touch, (ALL,) * 13)
+
+
+LINE = 8  # numbers that the processor fetches together
+
+
+@inlined
+def line_up(buffer: Array) -> Array:
+    """A `bare` view of a buffer from where rows begin on such a line: one that lies across two is fetched twice. The buffer has
+    `LINE` numbers more than the rows."""
+    return bare(buffer[(-buffer.ctypes.data % (8 * LINE)) // 8 :])
+
+
+#: Heights at the corners of a cell, and the 16 coefficients of one, for every lane.
+take_corners, take_patch = node_taker(2, LANES), node_taker(4, LANES)
 
 
 @fused

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from .flat_cell import HAIR, TIE
 from .ground import META_DX, META_DY, META_NX, META_NY
 from .jit import fused, inlined, njit
-from .lanes import AZ, LANES, OX, OY, OZ, PLACE, ROWS, UZ, VX, VY, Q, X, Y, rows
+from .lanes import AZ, LANES, OX, OY, OZ, PLACE, ROWS, UZ, VX, VY, Q, X, Y, rows, take_corners
 from .linkage import P_HALF, P_RADIUS
 
 Array = NDArray[np.float64]
@@ -124,10 +124,7 @@ def corners(S: Array, grid: Array, meta: Array) -> None:
         i, j = (i if i == i else home_x), (j if j == j else home_y)
         i, j = (i if i > 0.0 else 0.0), (j if j > 0.0 else 0.0)
         S[CI + l], S[CJ + l] = (i if i < last_x else last_x), (j if j < last_y else last_y)
-    for l in range(LANES):
-        i, j = np.uint64(S[CI + l]), np.uint64(S[CJ + l])
-        S[H00 + l], S[H01 + l] = grid[j, i], grid[j, i + np.uint64(1)]
-        S[H10 + l], S[H11 + l] = grid[j + np.uint64(1), i], grid[j + np.uint64(1), i + np.uint64(1)]
+    take_corners(S, CI, CJ, grid, H00, LANES)
 
 
 @inlined

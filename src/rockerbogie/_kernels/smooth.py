@@ -13,7 +13,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .ground import META_DX, META_DY, META_NX, META_NY
+from .contact import WIDEST
+from .ground import META_BEND, META_DX, META_DY, META_NX, META_NY
 from .jit import fused, inlined
 from .lanes import (
     ALL,
@@ -47,19 +48,22 @@ from .lanes import (
     rows,
     slopes,
     solve_step,
+    take_patch,
     take_step,
 )
-from .linkage import P_HALF, P_HUB, P_PIVOT, P_RADIUS
+from .linkage import P_HALF, P_HUB, P_KNEE, P_PIVOT, P_RADIUS
+from .tread import SMOOTH
 
 Array = NDArray[np.float64]
 
 # A wheel: its contact's place in a cell, the cell, its 16 coefficients, height and curvature there; how far the contact has
 # turned in the last step, and 1 if it is where this does not hold.
-U, V, COL, ROW, COEF, H, HXX, HXY, HYY, TURN, ASTRAY, SMOOTH_ROWS = rows(ROWS, (*[ALL] * 4, 16 * ALL, *[ALL] * 6))
+U, V, COL, ROW, COEF, H, HXX, HXY, HYY, TURN, ASTRAY, SOUND, SMOOTH_ROWS = rows(ROWS, (*[ALL] * 4, 16 * ALL, *[ALL] * 6, LANES))
 
 LEAN = 0.5  # sine of the greatest lean of a wheel
-SMALL = 2e-6  # m and rad: after a step no greater the gaps are below 1e-9 m, and mostly far below
-ROLLED = 4e-4  # rad, as much of a contact, which enters by its cube
+CLOSE = 1e-9  # m: what a gap may be after the last step
+SMALL = 2e-6  # m and rad: a last step where nothing is known of the ground, and gaps are looked at once more
+ROLLED = 4e-4  # rad: a contact's last turn, which enters by its cube
 STEPS = 12
 
 
@@ -85,16 +89,11 @@ def gather(S: Array, grid: Array, meta: Array, wheels: int) -> None:
             k = w * LANES + l
             x, y = S[OX + k] + S[TX + k], S[OY + k] + S[TY + k]
             u, v = (S[X + l] + (x if x == x else 0.0)) * over_x, (S[Y + l] + (y if y == y else 0.0)) * over_y  # nan is nowhere
-            i, j = math.floor(u), math.floor(v)
+            i, j = np.floor(u), np.floor(v)
             i, j = (i if i > 0.0 else 0.0), (j if j > 0.0 else 0.0)
             i, j = (i if i < last_x else last_x), (j if j < last_y else last_y)
             S[U + k], S[V + k], S[COL + k], S[ROW + k] = u - i, v - j, i, j
-        for l in range(LANES):
-            k = w * LANES + l
-            i, j = np.uint64(S[COL + k]), np.uint64(S[ROW + k])
-            for m in range(4):
-                for n in range(4):
-                    S[COEF + (4 * m + n) * ALL + k] = grid[j + np.uint64(m), i + np.uint64(n)]
+        take_patch(S, COL + w * LANES, ROW + w * LANES, grid, COEF + w * LANES, ALL)
 
 
 @inlined
@@ -218,10 +217,31 @@ def start(S: Array, grid: Array, meta: Array, rover: Array) -> None:
             S[SINE + k], S[COSINE + k], S[PLACE + k], S[ASTRAY + k] = S[H + l], S[HXX + l], 0.0, 0.0
 
 
+@inlined
+def sure_step(meta: Array, rover: Array) -> float:
+    """A step (m, rad) so small that it leaves no gap beyond `CLOSE`, where every wheel can touch in one place alone: discs
+    without width on a map that nowhere bends as they do. Elsewhere 0.
+
+    What Newton leaves of a gap is half its second derivative times the step's square. A wheel L from the body's origin moves by
+    L times an angle, and its turning by as much again; ground of bend κ adds κ L². Four angles may add up.
+    """
+    far = 0.0
+    for i in range(6):
+        if rover[P_HALF + i] > 0.0 or not rover[P_RADIUS + i] * meta[META_BEND] < SMOOTH:
+            return 0.0
+        reach = rover[P_RADIUS + i]
+        for n in range(3):
+            side = 3 * (i % 2) + n
+            knee = rover[P_KNEE + side] if i > 1 else 0.0
+            reach += abs(rover[P_PIVOT + side]) + abs(knee) + abs(rover[P_HUB + 3 * i + n])
+        far = max(far, reach)
+    return math.sqrt(CLOSE / (8.0 * far * (1.0 + meta[META_BEND] * far)))
+
+
 @fused
-def settle(S: Array, grid: Array, meta: Array, rover: Array) -> None:
-    """Newton on the live lanes from where they are. Those that stay live have not settled; where ASTRAY is 1, a contact
-    or its wheel is where this does not hold."""
+def settle(S: Array, grid: Array, meta: Array, rover: Array, small: float) -> None:
+    """Newton on the live lanes from where they are, until a step is no greater than `small`. Those that stay live have not
+    settled; where ASTRAY is 1, a contact or its wheel is where this does not hold."""
     for _ in range(STEPS):
         place_body(S, rover)
         place_wheels(S, rover)
@@ -238,11 +258,21 @@ def settle(S: Array, grid: Array, meta: Array, rover: Array) -> None:
                 max(S[TURN + l], max(S[TURN + LANES + l], S[TURN + 2 * LANES + l])),
                 max(S[TURN + 3 * LANES + l], max(S[TURN + 4 * LANES + l], S[TURN + 5 * LANES + l])),
             )
-            S[LIVE + l] = 0.0 if (S[WORST + l] < SMALL) & (turn < ROLLED) else S[LIVE + l]
+            S[LIVE + l] = 0.0 if (S[WORST + l] < small) & (turn < ROLLED) else S[LIVE + l]
         for l in range(LANES):
             live += S[LIVE + l]
         if live == 0.0:
             break
-    # where the last step has left the wheels
-    place_body(S, rover)
-    place_wheels(S, rover)
+
+
+@fused
+def standing(S: Array) -> None:
+    """SOUND: 1 for lanes that have settled where this holds, with nothing folded over; else 0."""
+    for l in range(LANES):
+        widest = max(
+            max(abs(S[Q + LANES + l]), max(abs(S[Q + 2 * LANES + l]), abs(S[Q + 3 * LANES + l]))),
+            max(abs(S[Q + 4 * LANES + l]), abs(S[Q + 5 * LANES + l])),
+        )
+        astray = S[LIVE + l] + S[ASTRAY + l] + S[ASTRAY + LANES + l] + S[ASTRAY + 2 * LANES + l]
+        astray += S[ASTRAY + 3 * LANES + l] + S[ASTRAY + 4 * LANES + l] + S[ASTRAY + 5 * LANES + l]
+        S[SOUND + l] = 1.0 if (astray == 0.0) & (widest < WIDEST) else 0.0

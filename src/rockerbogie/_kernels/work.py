@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .jit import bare, njit
+from .jit import njit
+from .memory import bare
 from .tread import ROOM
 from .wheel import PLACE_SIZE, WHEEL_SIZE
 
