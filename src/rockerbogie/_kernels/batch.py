@@ -13,7 +13,7 @@ from .contact import CONVERGED, JOINT_STOP, beyond_stops, settle_contact
 from .equilibrium import settle_equilibrium
 from .ground import META_X, META_Y, META_Z, Ground, loan
 from .jit import inlined, njit
-from .lanes import LANES, LINE, Q, line_up
+from .lanes import LANES, LINE, SINE, Q, line_up
 from .linkage import P_BOX, PITCH, ROLL, Z, body_axes, stand, stand_feet
 from .memory import bare
 from .proof import LEAST
@@ -93,6 +93,7 @@ def settle_linear(
             for l in range(LANES):
                 for n in range(6):
                     S[Q + n * LANES + l] = q[which[min(l, count - 1)], n]
+                    S[SINE + n * LANES + l] = 0.0  # where wheels touch, of which nothing of others is to be left
         rough.settle(S, land, car, count, 1 if anew else ROUNDS)
         for l in range(count):
             k = which[l]

@@ -1,8 +1,9 @@
 """Where the treads of `LANES` wheels come nearest to bilinear ground inside their width.
 
 There the lower side T of a tread is convex, and straight along the axle; so it is nearest over an edge of a cell, where the
-ground has its ridges, or inside a cell that is hollow along the axle. All edges under a wheel are looked at; of the cells
-those whose corners leave room for a lower gap under a plane that touches T (`flat_cell` says the same of one wheel).
+ground has its ridges, or inside a cell that is hollow along the axle (`flat_cell` says the same of one wheel). T lies nowhere
+below a parabola that touches it at the same height on both sides, since over u² it is convex too. That bounds the gap over every
+edge and every cell; they are looked at in the order of their bounds, until none is below the least gap found.
 """
 
 from __future__ import annotations
@@ -40,6 +41,8 @@ from .rims import (
     A,
     B,
     corners,
+    fill_up,
+    lowest,
     next_lowest,
 )
 
@@ -50,20 +53,23 @@ ROOM = SIDE * SIDE
 TINY = 1e-14  # m: an edge right along the axle has no place where it is least; either end will do
 
 # A wheel: its hub's height, cos τ, tan τ, 1 / cos τ and the axle's z; u and v from its hub at the map's first node, how they
-# change from node to node along x and y, and the inverse of u's change; the plane; the first and last node under it along x and
-# y; a cell's area; its half width, or less than none where no contact is sought; what `clear_above` knows and
-# says; whether there is room for its nodes, their greatest rises along x and y, and what was said of all the ground.
+# change from node to node along x and y, and the inverse of u's change and of v's; from where to where the tread is along v; the
+# parabola that touches T where the contact was, P_0 + P_UU u² + v tan τ, and the inverses of how its slope changes along edges in
+# x and y; the same of that which touches T at its lowest; the first and last node under it along x and y; a cell's area; its half
+# width, or less than none where no contact is sought; what `clear_above` knows and says; whether there is room for its nodes,
+# their greatest rises along x and y, and what was said of all the ground.
 (
-    ZH, COS, TAN, OVER, AXLE_Z, U0, V0, U_X, U_Y, V_X, V_Y, OVER_X, OVER_Y, P_0, P_U, COL_0, ROW_0, COL_1, ROW_1,
-    DET, HALF, STEEP, CLEAR, FITS, RISE_X, RISE_Y, CLEAR_ALL, _nodes,
-) = rows(RIM_ROWS, (LANES,) * 27)  # fmt: skip
-# The nodes under a wheel, row by row: their heights, and the bounds of the cells they are the low corners of.
-HEIGHTS, CELL_BOUNDS, EDGE_ROWS = rows(_nodes, (ROOM * LANES,) * 2)
+    ZH, COS, TAN, OVER, AXLE_Z, U0, V0, U_X, U_Y, V_X, V_Y, OVER_X, OVER_Y, ASIDE_X, ASIDE_Y, V_LOW, V_HIGH,
+    P_0, P_UU, P_X, P_Y, B_0, B_UU, B_X, B_Y, COL_0, ROW_0, COL_1, ROW_1, DET, HALF, STEEP, CLEAR, FITS,
+    RISE_X, RISE_Y, CLEAR_ALL, _nodes,
+) = rows(RIM_ROWS, (LANES,) * 37)  # fmt: skip
+# The nodes under a wheel, row by row: their heights, and the bounds of the edges to the right and above, or of the cell between.
+HEIGHTS, NODE_BOUNDS, EDGE_ROWS = rows(_nodes, (ROOM * LANES,) * 2)
 
 
 @fused
 def set_treads(S: Array, rover: Array, meta: Array, i: int) -> None:
-    """The tread of wheel i. The plane touches it where its contact was."""
+    """The tread of wheel i."""
     i = min(max(i, 0), 5)
     radius, half = rover[P_RADIUS + i], rover[P_HALF + i]
     dx, dy, last_x, last_y = meta[META_DX], meta[META_DY], meta[META_NX] - 1.0, meta[META_NY] - 1.0
@@ -78,9 +84,14 @@ def set_treads(S: Array, rover: Array, meta: Array, i: int) -> None:
         S[U0 + l], S[V0 + l] = y * vx - x * vy, -x * vx - y * vy
         S[U_X + l], S[U_Y + l], S[V_X + l], S[V_Y + l] = vy * dx, -vx * dy, vx * dx, vy * dy
         S[OVER_X + l], S[OVER_Y + l] = 1.0 / (vy * dx + TINY), 1.0 / (TINY - vx * dy)
+        S[ASIDE_X + l], S[ASIDE_Y + l] = 1.0 / (vx * dx + TINY), 1.0 / (vy * dy + TINY)
+        S[V_LOW + l], S[V_HIGH + l] = min(radius * az, 0.0) - half * uz - TIE, max(radius * az, 0.0) + half * uz + TIE
         S[DET + l], S[HALF + l], S[STEEP + l] = dx * dy, half, meta[META_STEEP] * meta[META_STEEP]
-        slope = sine / cosine * over
-        S[P_0 + l], S[P_U + l] = S[Q + l] + S[OZ + k] - radius * cosine * over - slope * radius * sine, slope
+        touching, bottom = 0.5 * over / (radius * cosine), 0.5 * over / radius
+        S[P_0 + l], S[P_UU + l] = S[Q + l] + S[OZ + k] - touching * radius * radius * (1.0 + cosine * cosine), touching
+        S[B_0 + l], S[B_UU + l] = S[Q + l] + S[OZ + k] - radius * over, bottom
+        S[P_X + l], S[P_Y + l] = 0.5 / (touching * vy * vy * dx * dx + TINY), 0.5 / (touching * vx * vx * dy * dy + TINY)
+        S[B_X + l], S[B_Y + l] = 0.5 / (bottom * vy * vy * dx * dx + TINY), 0.5 / (bottom * vx * vx * dy * dy + TINY)
         far_x = half * abs(uz * vx) + radius * math.sqrt(vy * vy + az * az * vx * vx)
         far_y = half * abs(uz * vy) + radius * math.sqrt(vx * vx + az * az * vy * vy)
         S[COL_0 + l], S[COL_1 + l] = max(np.floor((x - far_x) / dx), 0.0), min(np.floor((x + far_x) / dx) + 1.0, last_x)
@@ -189,29 +200,77 @@ def _hold(S: Array, l: int, gap: float, sine: float, cosine: float, s: float, co
     S[L_COL + l], S[L_ROW + l] = (col if less else was_col), (row if less else was_row)
 
 
+@inlined
+def _under(radius: float, low: float, high: float, u: float, v: float, over_u: float, over_v: float) -> tuple[float, float]:
+    """From where to where along an edge, 0 to 1, it lies under the tread; the other way round where it does not."""
+    a, b, c, d = (-radius - u) * over_u, (radius - u) * over_u, (low - v) * over_v, (high - v) * over_v
+    return max(max(min(a, b), min(c, d)), 0.0), min(min(max(a, b), max(c, d)), 1.0)
+
+
+@inlined
+def _room(first: float, last: float, start: float, slope: float, bend: float, back: float) -> float:
+    """The least of start + slope t + bend t² from t = first to last; back is 1 / (2 bend)."""
+    t = min(max(-slope * back, first), last)
+    return start + t * (slope + t * bend) if first <= last else math.inf
+
+
 @fused
-def all_edges(S: Array, rover: Array, i: int, columns: int, lines: int) -> None:
-    """The least gap over the edges between HEIGHTS of wheel i."""
-    i = min(max(i, 0), 5)
-    radius = rover[P_RADIUS + i]
+def bound_edges(S: Array, rover: Array, i: int, columns: int, lines: int) -> None:
+    """Fill NODE_BOUNDS: no gap of wheel i over the two edges is lower."""
+    radius = rover[P_RADIUS + min(max(i, 0), 5)] + TIE
     columns, lines = min(max(columns, 0), SIDE), min(max(lines, 0), SIDE)
     for m in range(lines):
         for n in range(columns):
             at = HEIGHTS + min(m * columns + n, ROOM - 1) * LANES
-            right, above = at + LANES, HEIGHTS + min((m + 1) * columns + n, ROOM - 1) * LANES
+            right, above, out = at + LANES, HEIGHTS + min((m + 1) * columns + n, ROOM - 1) * LANES, at + (NODE_BOUNDS - HEIGHTS)
             for l in range(LANES):
-                S[H00 + l], S[H01 + l], S[H10 + l] = S[at + l], S[right + l], S[above + l]
-            for l in range(LANES):
+                h, h_right, h_above = S[at + l], S[right + l], S[above + l]
                 col, row, du, dv, eu, ev = (
                     S[COL_0 + l] + n, S[ROW_0 + l] + m, S[U_X + l], S[V_X + l], S[U_Y + l], S[V_Y + l],
                 )  # fmt: skip
-                u, v, h = S[U0 + l] + col * du + row * eu, S[V0 + l] + col * dv + row * ev, S[H00 + l]
-                half, zh, cos, tan, over, az = S[HALF + l], S[ZH + l], S[COS + l], S[TAN + l], S[OVER + l], S[AXLE_Z + l]
-                end_col, end_row, over_x, over_y = S[COL_1 + l], S[ROW_1 + l], S[OVER_X + l], S[OVER_Y + l]
-                gap, sine, cosine, s, inside = _edge(radius, half, zh, cos, tan, over, az, h, S[H01 + l], u, v, du, dv, over_x)
-                _hold(S, l, gap, sine, cosine, s, col, row, inside & (col < end_col) & (row <= end_row))
-                gap, sine, cosine, s, inside = _edge(radius, half, zh, cos, tan, over, az, h, S[H10 + l], u, v, eu, ev, over_y)
-                _hold(S, l, gap, sine, cosine, s, col, row, inside & (col <= end_col) & (row < end_row))
+                u, v = S[U0 + l] + col * du + row * eu, S[V0 + l] + col * dv + row * ev
+                tan, p, b, square = S[TAN + l], S[P_UU + l], S[B_UU + l], u * u
+                level, to_right, to_above = tan * v - h, tan * dv - (h_right - h), tan * ev - (h_above - h)
+                first, last = _under(radius, S[V_LOW + l], S[V_HIGH + l], u, v, S[OVER_X + l], S[ASIDE_X + l])
+                of_right = max(
+                    _room(first, last, S[P_0 + l] + p * square + level, 2.0 * p * u * du + to_right, p * du * du, S[P_X + l]),
+                    _room(first, last, S[B_0 + l] + b * square + level, 2.0 * b * u * du + to_right, b * du * du, S[B_X + l]),
+                )
+                first, last = _under(radius, S[V_LOW + l], S[V_HIGH + l], u, v, S[OVER_Y + l], S[ASIDE_Y + l])
+                of_above = max(
+                    _room(first, last, S[P_0 + l] + p * square + level, 2.0 * p * u * eu + to_above, p * eu * eu, S[P_Y + l]),
+                    _room(first, last, S[B_0 + l] + b * square + level, 2.0 * b * u * eu + to_above, b * eu * eu, S[B_Y + l]),
+                )
+                known = h == h
+                of_right = of_right if known & (h_right == h_right) & (col < S[COL_1 + l]) & (row <= S[ROW_1 + l]) else math.inf
+                of_above = of_above if known & (h_above == h_above) & (col <= S[COL_1 + l]) & (row < S[ROW_1 + l]) else math.inf
+                S[out + l] = min(of_right, of_above)
+
+
+@fused
+def take_heights_of_edges(S: Array, columns: int) -> None:
+    """Heights of the nodes PIECE, and to the right of them and above."""
+    columns = min(max(columns, 0), SIDE)
+    for l in range(LANES):
+        piece = min(max(int(S[PIECE + l]), 0), ROOM - 1)
+        S[H00 + l], S[H01 + l] = S[HEIGHTS + piece * LANES + l], S[HEIGHTS + min(piece + 1, ROOM - 1) * LANES + l]
+        S[H10 + l] = S[HEIGHTS + min(piece + columns, ROOM - 1) * LANES + l]
+
+
+@fused
+def edges_of_nodes(S: Array, rover: Array, i: int) -> None:
+    """The least gap of wheel i over the edges to the right of the nodes CI, CJ and above, where LOW bounds it."""
+    i = min(max(i, 0), 5)
+    radius = rover[P_RADIUS + i]
+    for l in range(LANES):
+        col, row, du, dv, eu, ev = S[CI + l], S[CJ + l], S[U_X + l], S[V_X + l], S[U_Y + l], S[V_Y + l]
+        u, v, h, sought = S[U0 + l] + col * du + row * eu, S[V0 + l] + col * dv + row * ev, S[H00 + l], S[LOW + l] < math.inf
+        half, zh, cos, tan, over, az = S[HALF + l], S[ZH + l], S[COS + l], S[TAN + l], S[OVER + l], S[AXLE_Z + l]
+        end_col, end_row, over_x, over_y = S[COL_1 + l], S[ROW_1 + l], S[OVER_X + l], S[OVER_Y + l]
+        gap, sine, cosine, s, inside = _edge(radius, half, zh, cos, tan, over, az, h, S[H01 + l], u, v, du, dv, over_x)
+        _hold(S, l, gap, sine, cosine, s, col, row, sought & inside & (col < end_col) & (row <= end_row))
+        gap, sine, cosine, s, inside = _edge(radius, half, zh, cos, tan, over, az, h, S[H10 + l], u, v, eu, ev, over_y)
+        _hold(S, l, gap, sine, cosine, s, col, row, sought & inside & (col <= end_col) & (row < end_row))
 
 
 @fused
@@ -240,7 +299,7 @@ def edges_of_cells(S: Array, rover: Array, i: int) -> None:
 
 @fused
 def bound_cells(S: Array, rover: Array, i: int, columns: int, lines: int) -> None:
-    """Fill CELL_BOUNDS: no gap inside a cell is lower; inf where none is least there.
+    """Fill NODE_BOUNDS: no gap inside a cell is lower; inf where none is least there.
 
     For that the ground has to be hollow along the axle, its slope h_v has to be tan τ somewhere in the cell, and across the axle
     the tread has to bend more than the ground does there: r² / (q³ cos τ) > twist / |2 v_x v_y|, where q is least, at the
@@ -252,26 +311,29 @@ def bound_cells(S: Array, rover: Array, i: int, columns: int, lines: int) -> Non
     for m in range(lines):
         for n in range(columns):
             at = HEIGHTS + min(m * columns + n, ROOM - 1) * LANES
-            right, above, out = at + LANES, HEIGHTS + min((m + 1) * columns + n, ROOM - 1) * LANES, at + (CELL_BOUNDS - HEIGHTS)
+            right, above, out = at + LANES, HEIGHTS + min((m + 1) * columns + n, ROOM - 1) * LANES, at + (NODE_BOUNDS - HEIGHTS)
             beyond = min(above + LANES, HEIGHTS + (ROOM - 1) * LANES)
             for l in range(LANES):
                 a, b, d, e = S[at + l], S[right + l], S[above + l], S[beyond + l]
                 col, row, du, dv, eu, ev = (
                     S[COL_0 + l] + n, S[ROW_0 + l] + m, S[U_X + l], S[V_X + l], S[U_Y + l], S[V_Y + l],
                 )  # fmt: skip
-                tan, plane_u, det = S[TAN + l], S[P_U + l], S[DET + l]
+                tan, p, det = S[TAN + l], S[P_UU + l], S[DET + l]
                 u, v = S[U0 + l] + col * du + row * eu, S[V0 + l] + col * dv + row * ev
-                p, px, py = S[P_0 + l] + plane_u * u + tan * v, plane_u * du + tan * dv, plane_u * eu + tan * ev
-                low = min(min(p - a, p + px - b), min(p + py - d, p + px + py - e))
+                # the plane that touches the parabola over the cell's middle
+                middle = u + 0.5 * (du + eu)
+                by_u = 2.0 * p * middle
+                z, zx, zy = S[P_0 + l] - p * middle * middle + by_u * u + tan * v, by_u * du + tan * dv, by_u * eu + tan * ev
+                bound = min(min(z - a, z + zx - b), min(z + zy - d, z + zx + zy - e))
                 twist = a - b - d + e
                 # h_v at the low corner, times det, and how much it changes along x and y
                 hv, hvx, hvy = (d - a) * du - (b - a) * eu - tan * det, twist * du, -twist * eu
                 falls, rises = hv + min(hvx, 0.0) + min(hvy, 0.0) < 0.0, hv + max(hvx, 0.0) + max(hvy, 0.0) > 0.0
-                far = min(abs(u + 0.5 * (du + eu)) + 0.5 * (abs(du) + abs(eu)), 0.9999999 * radius)
+                far = min(abs(middle) + 0.5 * (abs(du) + abs(eu)), 0.9999999 * radius)
                 square = radius * radius - far * far
                 bends = 2.0 * radius * radius * abs(du * eu) >= abs(twist) * S[COS + l] * square * math.sqrt(square)
                 there = (col < S[COL_1 + l]) & (row < S[ROW_1 + l]) & (twist * du * eu > 0.0) & falls & rises & bends
-                S[out + l] = low if there else math.inf
+                S[out + l] = bound if there else math.inf
 
 
 @fused
@@ -339,7 +401,7 @@ def insides(S: Array, rover: Array, meta: Array, i: int) -> None:
 
 
 @fused
-def take_up_cells(S: Array, columns: int) -> float:
+def take_up_nodes(S: Array, columns: int) -> float:
     """CI, CJ of the lanes whose LOW is below LEAST, LOW inf for others; how many they are."""
     over = 1.0 / columns
     for l in range(LANES):
@@ -358,15 +420,19 @@ def search_insides(S: Array, grid: Array, meta: Array, rover: Array, i: int, col
     """The least gap of wheel i inside its tread, where HEIGHTS are known and `search_rims` has been."""
     for l in range(LANES):
         S[DOUBT + l] = S[DOUBT + l] if S[FITS + l] > 0.0 else NONE
-    all_edges(S, rover, i, columns, lines)
+    fill_up(S, NODE_BOUNDS, columns * lines)
+    bound_edges(S, rover, i, columns, lines)
+    lowest(S, NODE_BOUNDS, columns * lines)
+    while take_up_nodes(S, columns) > 0.0:
+        take_heights_of_edges(S, columns)
+        edges_of_nodes(S, rover, i)
+        next_lowest(S, NODE_BOUNDS, columns * lines)
     bound_cells(S, rover, i, columns, lines)
-    for l in range(LANES):
-        S[PIECE + l] = -1.0
-    next_lowest(S, CELL_BOUNDS, columns * lines)
-    while take_up_cells(S, columns) > 0.0:
+    lowest(S, NODE_BOUNDS, columns * lines)
+    while take_up_nodes(S, columns) > 0.0:
         corners(S, grid, meta)
         insides(S, rover, meta, i)
-        next_lowest(S, CELL_BOUNDS, columns * lines)
+        next_lowest(S, NODE_BOUNDS, columns * lines)
 
 
 @njit

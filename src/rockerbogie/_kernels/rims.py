@@ -58,7 +58,12 @@ ROOT_2 = math.sqrt(2.0)  # the greatest of |u| (3 - 2 u²), which is what E adds
     _cell,
 ) = rows(_walk, (LANES,) * 15)
 # A cell: its place along p and t, along x and y, its corners; the bound of what is looked at, and which piece that is.
-CP, CT, CI, CJ, H00, H01, H10, H11, LOW, PIECE, _best = rows(_cell, (LANES,) * 10)
+CP, CT, CI, CJ, H00, H01, H10, H11, LOW, PIECE, _piece = rows(_cell, (LANES,) * 10)
+# A piece over its cell: its ends, which of them are on lines of the other axis; the gap's parts and the ground's slopes; and
+# where it is least, or that this lies before or beyond an end.
+(
+    SL, CL, SR, CR, LATE, EARLY, F0, GS, GC, TWIST, SLOPE_P, SLOPE_T, NF, NS, NC, BEFORE, AFTER, _best
+) = rows(_piece, (LANES,) * 17)  # fmt: skip
 # The least gap found, where, in which cell (x, y) and with what slope of the contact; what could not be looked at is no lower
 # than DOUBT. The cell under the body.
 LEAST, L_SINE, L_COSINE, L_PLACE, L_COL, L_ROW, L_GX, L_GY, DOUBT, HOME_X, HOME_Y, _pieces = rows(_best, (LANES,) * 11)
@@ -175,11 +180,10 @@ def _bound(S: Array, at_s: int, at_c: int, to_s: int, to_c: int, cell: int, out:
 
 @fused
 def bound_pieces(S: Array, grid: Array, meta: Array, columns: int) -> None:
-    """Fill BOUNDS and CELLS of the first `columns` columns; LOW and PIECE are the lowest."""
+    """Fill BOUNDS and CELLS of the first `columns` columns."""
     columns = min(max(columns, 0), COLUMNS)
     lanes = min(LANES, columns * LANES)  # LANES; a compiler that knows writes short loops out instead of fusing them
     for l in range(LANES):
-        S[LOW + l], S[PIECE + l] = math.inf, 0.0
         s, c = _crossing(S[A + l], S[B + l], S[OVER_H + l], S[H2 + l], S[LOW_P + l])
         S[S_IN + l], S[C_IN + l], S[T_IN + l] = s, c, S[T0 + l] + S[C + l] * s + S[D + l] * c
     for m in range(columns):
@@ -233,30 +237,50 @@ def bound_pieces(S: Array, grid: Array, meta: Array, columns: int) -> None:
             )  # fmt: skip
             bound_in, bound_out = (math.inf if none else bound_in), (math.inf if none | (cell_in == cell_out) else bound_out)
             S[BOUNDS + k], S[BOUNDS + LANES + k], S[CELLS + k], S[CELLS + LANES + k] = bound_in, bound_out, cell_in, cell_out
-        for l in range(LANES):
-            k = 2 * m * LANES + l
-            low, piece, bound_in, bound_out = S[LOW + l], S[PIECE + l], S[BOUNDS + k], S[BOUNDS + LANES + k]
-            piece = 2.0 * m if bound_in < low else piece
-            low = min(low, bound_in)
-            piece = 2.0 * m + 1.0 if bound_out < low else piece
-            S[LOW + l], S[PIECE + l] = min(low, bound_out), piece
             S[S_IN + l], S[C_IN + l], S[T_IN + l] = S[S_OUT + l], S[C_OUT + l], S[T_OUT + l]
+
+
+@inlined
+def _lower(a: float, i: float, b: float, j: float) -> tuple[float, float]:
+    """The lower of a and b with its number; a where they are alike."""
+    return (b if b < a else a), (j if b < a else i)
+
+
+@fused
+def lowest(S: Array, bounds: int, count: int) -> None:
+    """LOW is the lowest of each lane's bounds in the `count` rows from `bounds` on, none of them nan, and PIECE which; of several
+    the first. They are taken by eight, as each would wait for the one before: `fill_up` has to have been."""
+    bounds, groups = min(max(bounds, 0), MOST_ROWS), min(max((count + 7) // 8, 0), MOST)
+    lanes = min(LANES, groups * LANES)  # as in `bound_pieces`
+    for l in range(LANES):
+        S[LOW + l], S[PIECE + l] = math.inf, 0.0
+    for m in range(groups):
+        at = bounds + 8 * m * LANES
+        for l in range(lanes):
+            a, i = _lower(S[at + l], 0.0, S[at + LANES + l], 1.0)
+            b, j = _lower(S[at + 2 * LANES + l], 2.0, S[at + 3 * LANES + l], 3.0)
+            c, k = _lower(S[at + 4 * LANES + l], 4.0, S[at + 5 * LANES + l], 5.0)
+            d, n = _lower(S[at + 6 * LANES + l], 6.0, S[at + 7 * LANES + l], 7.0)
+            a, i = _lower(a, i, b, j)
+            c, k = _lower(c, k, d, n)
+            a, i = _lower(a, i, c, k)
+            S[LOW + l], S[PIECE + l] = _lower(S[LOW + l], S[PIECE + l], a, 8.0 * m + i)
 
 
 @fused
 def next_lowest(S: Array, bounds: int, count: int) -> None:
-    """LOW is the lowest of each lane's `count` bounds in the rows from `bounds` on, and PIECE which; that which PIECE was
-    is done with."""
-    bounds, count = min(max(bounds, 0), MOST_ROWS), min(max(count, 0), MOST)
-    lanes = min(LANES, count * LANES)  # as in `bound_pieces`
-    for l in range(lanes):
-        S[BOUND_IN + l], S[PIECE + l], S[LOW + l] = S[PIECE + l], 0.0, math.inf
-    for m in range(count):
-        for l in range(lanes):
-            bound, low, piece = S[bounds + m * LANES + l], S[LOW + l], S[PIECE + l]
-            bound = math.inf if S[BOUND_IN + l] == 1.0 * m else bound
-            S[bounds + m * LANES + l] = bound
-            S[LOW + l], S[PIECE + l] = min(low, bound), (1.0 * m if bound < low else piece)
+    """As `lowest`, when all that PIECE was is done with."""
+    for l in range(LANES):
+        S[np.uint64(bounds + l) + np.uint64(S[PIECE + l]) * np.uint64(LANES)] = math.inf
+    lowest(S, bounds, count)
+
+
+@fused
+def fill_up(S: Array, bounds: int, count: int) -> None:
+    """The rows after the last, as `lowest` wants them."""
+    for m in range(count, (count + 7) // 8 * 8):
+        for l in range(LANES):
+            S[bounds + m * LANES + l] = math.inf
 
 
 @fused
@@ -279,13 +303,12 @@ def take_up(S: Array, lanes: int) -> int:
 
 
 @fused
-def nearest(S: Array, meta: Array) -> None:
-    """The least gap of the rims over the cells CP, CT, where LOW bounds it; held where it is less than LEAST."""
-    over_x, over_y = 1.0 / meta[META_DX], 1.0 / meta[META_DY]
+def pieces_over_cells(S: Array) -> None:
+    """The ends of the pieces over the cells CP, CT, whose corners are known, and where between them to begin."""
     for l in range(LANES):
         a, b, c, d = S[A + l], S[B + l], S[C + l], S[D + l]
         over_h, over_q, h2, q2, low_p, high_p = S[OVER_H + l], S[OVER_Q + l], S[H2 + l], S[Q2 + l], S[LOW_P + l], S[HIGH_P + l]
-        # the piece: from the later of two lines to come in by, to the earlier of two to go out by
+        # from the later of two lines to come in by, to the earlier of two to go out by
         sl, cl = _crossing(a, b, over_h, h2, max(min(S[CP + l] - S[P0 + l], high_p), low_p))
         sr, cr = _crossing(a, b, over_h, h2, max(min(S[CP + l] + 1.0 - S[P0 + l], high_p), low_p))
         tl, tr, near, far = c * sl + d * cl, c * sr + d * cr, S[CT + l] - S[T0 + l], S[CT + l] + 1.0 - S[T0 + l]
@@ -293,31 +316,52 @@ def nearest(S: Array, meta: Array) -> None:
         into, out = (near if up > 0.0 else far), (far if up > 0.0 else near)
         late, early = up * tl < up * into, up * tr > up * out
         s, k = _crossing(up * c, up * d, over_q, q2, up * into)
-        sl, cl = (s if late else sl), (k if late else cl)
+        S[SL + l], S[CL + l] = (s if late else sl), (k if late else cl)
         s, k = _crossing(up * c, up * d, over_q, q2, up * out)
-        sr, cr = (s if early else sr), (k if early else cr)
+        S[SR + l], S[CR + l] = (s if early else sr), (k if early else cr)
+        S[LATE + l], S[EARLY + l] = (1.0 if late else 0.0), (1.0 if early else 0.0)
+    for l in range(LANES):
         slope_p, slope_t, twist, f0, gs, gc, _ = _over_cell(S, l, S[CP + l], S[CT + l])
-        ac, bd, e = S[AC + l], S[BD + l], S[E + l]
-        bent = 2.0 * (ac - bd)
-        # Newton from where it would be with the twist's slopes of the piece's middle; h is what it takes over u
+        sl, cl, sr, cr, ac, bd, e = S[SL + l], S[CL + l], S[SR + l], S[CR + l], S[AC + l], S[BD + l], S[E + l]
+        S[SLOPE_P + l], S[SLOPE_T + l], S[TWIST + l], S[F0 + l], S[GS + l], S[GC + l] = slope_p, slope_t, twist, f0, gs, gc
+        # where it would be with the twist's slopes of the piece's middle
         s, k = 0.5 * (sl + sr), 0.5 * (cl + cr)
         p, q = gs + twist * (2.0 * ac * s + e * k), gc + twist * (e * s + 2.0 * bd * k)
         size = 1.0 / math.sqrt(p * p + q * q)
         s, k = p * size, max(q * size, 0.0)
         before, beyond = s * cl < k * sl, sr * k < cr * s
-        s, k = (sl if before else (sr if beyond else s)), (cl if before else (cr if beyond else k))
-        for _ in range(3):
-            g = gc * s - gs * k - twist * (bent * s * k + e * (k * k - s * s))
-            h = gs * s + gc * k - twist * (bent * (k * k - s * s) - 4.0 * e * s * k)
-            step = min(max(-g * k / (h * k + g * s), -0.3), 0.3)
-            square = 1.0 + step * step
-            size = 1.5 - 0.5 * square
-            size *= 1.5 - 0.5 * square * size * size
-            s, k = (s + k * step) * size, (k - s * step) * size
-            size = 1.5 - 0.5 * (s * s + k * k)  # what that has left
-            s, k = s * size, k * size
-            before, beyond = s * cl < k * sl, sr * k < cr * s
-            s, k = (sl if before else (sr if beyond else s)), (cl if before else (cr if beyond else k))
+        S[NS + l], S[NC + l] = (sl if before else (sr if beyond else s)), (cl if before else (cr if beyond else k))
+
+
+@fused
+def approach(S: Array) -> None:
+    """One step of Newton towards the least gap of every piece, held within it."""
+    for l in range(LANES):
+        s, k, gs, gc, twist, e, bent = S[NS + l], S[NC + l], S[GS + l], S[GC + l], S[TWIST + l], S[E + l], S[AC + l] - S[BD + l]
+        sl, cl, sr, cr = S[SL + l], S[CL + l], S[SR + l], S[CR + l]
+        bent *= 2.0
+        g = gc * s - gs * k - twist * (bent * s * k + e * (k * k - s * s))
+        h = gs * s + gc * k - twist * (bent * (k * k - s * s) - 4.0 * e * s * k)
+        step = min(max(-g * k / (h * k + g * s), -0.3), 0.3)  # what h is over u
+        square = 1.0 + step * step
+        size = 1.5 - 0.5 * square
+        size *= 1.5 - 0.5 * square * size * size
+        s, k = (s + k * step) * size, (k - s * step) * size
+        size = 1.5 - 0.5 * (s * s + k * k)  # what that has left
+        s, k = s * size, k * size
+        before, beyond = s * cl < k * sl, sr * k < cr * s
+        S[NS + l], S[NC + l] = (sl if before else (sr if beyond else s)), (cl if before else (cr if beyond else k))
+        S[BEFORE + l], S[AFTER + l] = (1.0 if before else 0.0), (1.0 if beyond else 0.0)
+
+
+@fused
+def hold_nearest(S: Array, meta: Array) -> None:
+    """What `approach` has come to, where LOW bounds it and it is less than LEAST; DOUBT where it may not be the least there."""
+    over_x, over_y = 1.0 / meta[META_DX], 1.0 / meta[META_DY]
+    for l in range(LANES):
+        s, k, gs, gc, f0, twist = S[NS + l], S[NC + l], S[GS + l], S[GC + l], S[F0 + l], S[TWIST + l]
+        sl, cl, sr, cr, ac, bd, e = S[SL + l], S[CL + l], S[SR + l], S[CR + l], S[AC + l], S[BD + l], S[E + l]
+        before, beyond, bent = S[BEFORE + l] > 0.0, S[AFTER + l] > 0.0, 2.0 * (ac - bd)
         g = gc * s - gs * k - twist * (bent * s * k + e * (k * k - s * s))
         h = gs * s + gc * k - twist * (bent * (k * k - s * s) - 4.0 * e * s * k)
         f = f0 - gs * s - gc * k - twist * (ac * s * s + e * s * k + bd * k * k)
@@ -338,17 +382,22 @@ def nearest(S: Array, meta: Array) -> None:
         f = fl if at_l else (fr if at_r else f)
         low, doubt = S[LOW + l], S[DOUBT + l]
         # a rim that turns back out of the cell and in again is not over it all the way
-        t = S[T0 + l] + c * s + d * k - S[CT + l]
+        t = S[T0 + l] + S[C + l] * s + S[D + l] * k - S[CT + l]
         real = (low < FOLLOWED) | ((t > -HAIR) & (t < 1.0 + HAIR))
         S[DOUBT + l] = doubt if real & (sure | arched | (f <= low + TIE)) else min(doubt, low)
+        S[NF + l] = f if real & (low < math.inf) else math.inf
+        S[NS + l], S[NC + l], S[BEFORE + l], S[AFTER + l] = s, k, (1.0 if before else 0.0), (1.0 if beyond else 0.0)
+    for l in range(LANES):
+        f, s, k, twist, late, early = S[NF + l], S[NS + l], S[NC + l], S[TWIST + l], S[LATE + l] > 0.0, S[EARLY + l] > 0.0
+        before, beyond, a, b, c, d = S[BEFORE + l] > 0.0, S[AFTER + l] > 0.0, S[A + l], S[B + l], S[C + l], S[D + l]
         # the contact's slope: the ground's, and on a ridge the one between its two sides' that is square to the rim
         along_p, along_t, rise = a * k - b * s, c * k - d * s, S[RHO + l] * s
-        gp, gt = slope_p + twist * (c * s + d * k), slope_t + twist * (a * s + b * k)
+        gp, gt = S[SLOPE_P + l] + twist * (c * s + d * k), S[SLOPE_T + l] + twist * (a * s + b * k)
         on_t, on_p = (before & late) | (beyond & early), (before & (not late)) | (beyond & (not early))
         cut = (rise - (gp * along_p if on_t else gt * along_t)) / (along_t if on_t else along_p)
         gp, gt = (cut if on_p else gp), (cut if on_t else gt)
         swap = S[SWAP + l] > 0.0
-        less = real & (low < math.inf) & (not (f >= S[LEAST + l]))  # nan stays
+        less = (f != math.inf) & (not (f >= S[LEAST + l]))  # nan stays
         was_f, was_s, was_k, was_place, was_x, was_y = (
             S[LEAST + l], S[L_SINE + l], S[L_COSINE + l], S[L_PLACE + l], S[L_GX + l], S[L_GY + l],
         )  # fmt: skip
@@ -365,6 +414,15 @@ def nearest(S: Array, meta: Array) -> None:
 
 
 @njit
+def nearest(S: Array, meta: Array) -> None:
+    """The least gap of the rims over the cells CP, CT, where LOW bounds it; held where it is less than LEAST."""
+    pieces_over_cells(S)
+    for _ in range(3):
+        approach(S)
+    hold_nearest(S, meta)
+
+
+@njit
 def search_rims(S: Array, grid: Array, meta: Array, rover: Array, i: int) -> None:
     """The least gap of the rims at RIM of wheel i, all along their lower halves as far as p goes."""
     set_rims(S, rover, meta, i)
@@ -375,6 +433,8 @@ def search_rims(S: Array, grid: Array, meta: Array, rover: Array, i: int) -> Non
         else:
             S[DOUBT + l] = NONE
     bound_pieces(S, grid, meta, columns)
+    fill_up(S, BOUNDS, 2 * columns)
+    lowest(S, BOUNDS, 2 * columns)
     while take_up(S, min(LANES, columns * LANES)) > 0:
         corners(S, grid, meta)
         nearest(S, meta)
