@@ -22,8 +22,11 @@ def test_a_case_is_timed_beside_other_ways_on_the_same_places() -> None:
     assert result.within_1e_6 == 1.0
     assert 0 <= result.within_1e_9 <= 1
     assert result.us_p50 <= result.us_p99
-    assert set(result.ratios) == {"hub", "point", "rim", "mujoco"}
+    assert set(result.ratios) == {"hub", "point", "coarse", "rim", "mujoco"}
     assert all(np.isfinite(ratio) and ratio > 1 for ratio in result.ratios.values())
+    gap = result.baseline_gap
+    assert gap["rim"] < 1e-6 < 1e-4 < min(gap["coarse"], gap["hub"])
+    assert result.worst_gap < gap["rim"]
     assert all(share == 1.0 for share in result.baseline_solved.values()), "smooth ground is easy for all of them"
     assert result.poses_per_s == pytest.approx(1e6 / result.us)
 
@@ -55,9 +58,9 @@ def test_a_drop_that_does_not_rest_is_no_time(monkeypatch: pytest.MonkeyPatch) -
     case = bench.cases()[0]
     x, y, yaw = bench.places(case, 1)
     monkeypatch.setattr(baselines, "MOST_BLOCKS", 1)
-    seconds, share = baselines.drop_seconds(case, x, y, yaw)
-    assert np.isnan(seconds)
-    assert share == 0
+    drop = baselines.drop_baseline(case, x, y, yaw)
+    assert np.isnan(drop.seconds)
+    assert drop.solved == 0
 
 
 def test_pinocchio_without_its_calls_is_quicker_than_with_them() -> None:
@@ -101,7 +104,7 @@ def test_figures_are_plain_json_and_make_tables(figures: dict, tmp_path) -> None
 
 
 def test_a_baseline_that_fails_is_not_a_ratio(figures: dict) -> None:
-    case = {**figures["cases"][0], "baseline_solved": {"hub": 1.0, "point": 0.4, "rim": 0.0, "mujoco": 1.0}}
+    case = {**figures["cases"][0], "baseline_solved": {"hub": 1.0, "point": 0.4, "coarse": 1.0, "rim": 0.0, "mujoco": 1.0}}
     row = dict(zip((made := tables({**figures, "cases": [case]})[2]).headings, made.rows[0], strict=True))
     assert row["point"].endswith("*")
     assert row["rim"] == "fails"
@@ -113,6 +116,13 @@ def test_a_foreign_file_to_compare_with_is_refused(content: str, tmp_path, capsy
     file.write_text(content)
     assert main(["bench", "--compare", str(file)]) == 2
     assert "was not written by" in capsys.readouterr().err
+
+
+def test_figures_that_mean_something_else_are_not_compared(figures: dict, tmp_path, capsys) -> None:
+    file = tmp_path / "old.json"
+    file.write_text(json.dumps({**figures, "schema": bench.SCHEMA - 1}))
+    assert main(["bench", "--compare", str(file)]) == 2
+    assert "save it anew" in capsys.readouterr().err
 
 
 def test_a_missing_file_to_compare_with_is_refused(tmp_path, capsys) -> None:
@@ -138,7 +148,7 @@ def test_tables_go_into_a_page_between_its_marks(figures: dict, tmp_path, capsys
     assert "old" not in text
     assert main(["bench", "--markdown", str(page), "--compare", str(kept)]) == 0
     assert "before" in capsys.readouterr().out
-    assert page.read_text().count("| smooth cubic, thin disc |") == 3, "one run's tables: times, residuals, ratios"
+    assert page.read_text().count("| smooth cubic, thin disc |") == 4, "one run's tables: times, residuals, ratios, errors"
     page.write_text("no marks")
     assert main(["bench", "--markdown", str(page)]) == 2
     assert "end of bench" in capsys.readouterr().err

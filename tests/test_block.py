@@ -54,6 +54,20 @@ def test_a_pose_does_not_know_its_neighbours(name: str) -> None:
         assert np.array_equal(alone.q, together.q[k], equal_nan=True)
 
 
+@pytest.mark.parametrize("name", ["curiosity", "elhami-dashti"])
+def test_what_newton_leaves_of_a_gap_is_below_a_nanometre(name: str) -> None:
+    """Where rims touch in one place only, no gap is looked at again after the last step."""
+    rover = rb.load_rover(name).replace(wheel_width=np.zeros(6))
+    radius = float(rover.wheel_radius.max())
+    terrain = rb.surfaces.rough(1, max_slope=np.radians(28), min_radius=6 * radius, size=8 * rover.wheelbase)
+    x0, y0, x1, y1 = terrain.bounds
+    rng = np.random.default_rng(1)
+    pose = rb.settle(rover, terrain, rng.uniform(x0, x1, 20000), rng.uniform(y0, y1, 20000), rng.uniform(-7, 7, 20000))
+    settled = pose.status == rb.Status.CONVERGED
+    assert settled.mean() > 0.6
+    assert np.abs(pose.gap[settled]).max() < 1e-9
+
+
 def test_a_heading_turned_round_many_times_is_the_same_heading() -> None:
     rover, terrain = ROVERS["curiosity"], smooth_ground(1, 0.4, 1.5)
     yaw = np.array([0.7, 1e4, 1e9, -1e15, 1e300])

@@ -44,11 +44,14 @@ def check_steering(rover: Rover, steering: ArrayLike | None) -> Array:
     if s.shape[-1:] != (6,):
         raise RockerbogieError(f"steering has shape {s.shape}; its last axis must be 6, one angle a wheel (0 where none steers)")
     said, fixed = once(s).reshape(-1, 6), ~rover.steers
+    weights = fixed.astype(float)
     for start in range(0, len(said), RUN):
         part = said[start : start + RUN]
-        if not np.isfinite(part).all():
-            raise RockerbogieError("steering holds an angle that is not finite")
-        if (np.abs(part) @ fixed).any():  # a product, for that is quicker than to look down columns
+        with np.errstate(invalid="ignore"):
+            wrong = (np.abs(part) @ weights).any()  # one product tells both: what is not finite is nan even times 0
+        if wrong:
+            if not np.isfinite(part).all():
+                raise RockerbogieError("steering holds an angle that is not finite")
             names = ", ".join(n for n, bad in zip(rover.wheel_names, fixed & part.any(axis=0), strict=True) if bad)
             raise RockerbogieError(f"wheel {names} of rover {rover.name!r} does not steer: give it 0")
     return s

@@ -44,8 +44,15 @@ def tables(figures: Mapping[str, Any], before: Mapping[str, float] | None = None
     ratios: list[tuple[str, Callable[[Any], str]]] = [
         ("hub", lambda c: _ratio(c, "hub")),
         ("point", lambda c: _ratio(c, "point")),
+        ("coarse", lambda c: _ratio(c, "coarse")),
         ("rim", lambda c: _ratio(c, "rim")),
         ("MuJoCo", lambda c: _ratio(c, "mujoco")),
+    ]
+    errors: list[tuple[str, Callable[[Any], str]]] = [
+        ("hub", lambda c: _gap(c, "hub")),
+        ("point", lambda c: _gap(c, "point")),
+        ("coarse", lambda c: _gap(c, "coarse")),
+        ("rim", lambda c: _gap(c, "rim")),
     ]
     if before:
         ratios.append(("before", lambda c: f"{before[c['name']]:,.0f}" if c["name"] in before else "-"))
@@ -53,6 +60,7 @@ def tables(figures: Mapping[str, Any], before: Mapping[str, float] | None = None
         _of(cases, "µs a pose on one thread: mean, groups of 16, along a path; thousand poses/s", times),
         _of(cases, "worst gap of converged poses, m; share within 1e-9, 1e-6 m; threads over one", quality),
         _of(cases, "a baseline's time over ours (*: it fails at most places)", ratios),
+        _of(cases, "what fsolve's answers are wrong by: the worst of six gaps, m, at every second place", errors),
         *_growth(figures["growth"]),
         Table("and besides", ["what", "figure"], _besides(figures)),
     ]
@@ -69,6 +77,11 @@ def _ratio(case: Mapping[str, Any], baseline: str) -> str:
     if not solved:
         return "fails"
     return f"{ratio:,.0f}" + ("*" if solved < 0.5 else "")
+
+
+def _gap(case: Mapping[str, Any], baseline: str) -> str:
+    gap = case["baseline_gap"][baseline]
+    return "-" if gap is None else f"{gap:.0e}"
 
 
 def _of(cases: list[Any], caption: str, columns: list[tuple[str, Callable[[Any], str]]]) -> Table:

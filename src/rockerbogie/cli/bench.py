@@ -86,11 +86,15 @@ def bench(
 def _saved(path: Path) -> dict[str, float]:
     """× rim of each case in a saved run."""
     try:
-        return {case["name"]: float(case["ratios"]["rim"]) for case in json_text.loads(path.read_text())["cases"]}
+        saved = json_text.loads(path.read_text())
+        ratios, found = {case["name"]: float(case["ratios"]["rim"]) for case in saved["cases"]}, int(saved["schema"])
     except FileNotFoundError:
         raise RockerbogieError(f"no file {path}: save one with `rockerbogie bench --save {path}`") from None
     except (ValueError, KeyError, TypeError):
         raise RockerbogieError(f"{path} was not written by `rockerbogie bench --save`") from None
+    if found != stopwatch.SCHEMA:  # its words mean something else
+        raise RockerbogieError(f"{path} has schema {found}, this version compares schema {stopwatch.SCHEMA} only: save it anew")
+    return ratios
 
 
 def _page(path: Path) -> tuple[str, str]:
