@@ -415,7 +415,7 @@ def take_up_nodes(S: Array, columns: int) -> float:
     return lanes
 
 
-@njit
+@inlined
 def search_insides(S: Array, grid: Array, meta: Array, rover: Array, i: int, columns: int, lines: int) -> None:
     """The least gap of wheel i inside its tread, where HEIGHTS are known and `search_rims` has been."""
     for l in range(LANES):
@@ -435,7 +435,7 @@ def search_insides(S: Array, grid: Array, meta: Array, rover: Array, i: int, col
         next_lowest(S, NODE_BOUNDS, columns * lines)
 
 
-@njit
+@inlined
 def follow_insides(S: Array, rover: Array, meta: Array, i: int) -> None:
     """The least gap of wheel i over the cells CI, CJ, whose corners are known, for those that do not touch with a rim."""
     half = rover[P_HALF + i]

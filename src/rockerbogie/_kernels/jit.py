@@ -59,16 +59,17 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def _compiled(function: F, **how: Any) -> Any:
-    """One compiled kernel, whatever numbers written out it is called with: numba would compile it again for f(0) and f(1)."""
+    """One compiled kernel, whatever is written out where it is called: numba would compile it again for f(0), f(1), f(True)."""
     made = numba.njit(cache=True, error_model="numpy", **how)(function)
     if not numba.config.DISABLE_JIT:
         chosen = made.get_call_template
-        made.get_call_template = lambda args, kws: chosen(tuple(_any_integer(a) for a in args), kws)
+        made.get_call_template = lambda args, kws: chosen(tuple(_any_value(a) for a in args), kws)
     return made
 
 
-def _any_integer(kind: Any) -> Any:
-    return types.unliteral(kind) if isinstance(kind, types.IntegerLiteral) else kind  # type: ignore[attr-defined]
+def _any_value(kind: Any) -> Any:
+    written_out = isinstance(kind, types.Literal) and isinstance(kind.literal_value, int)  # True and False are, too
+    return types.unliteral(kind) if written_out else kind  # type: ignore[attr-defined]
 
 
 def njit(function: F) -> F:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from .flat_cell import HAIR, TIE
 from .ground import META_DX, META_DY, META_NX, META_NY
-from .jit import fused, inlined, njit
+from .jit import fused, inlined
 from .lanes import AZ, LANES, OX, OY, OZ, PLACE, ROWS, UZ, VX, VY, Q, X, Y, rows, take_corners
 from .linkage import P_HALF, P_RADIUS
 
@@ -413,7 +413,7 @@ def hold_nearest(S: Array, meta: Array) -> None:
         S[L_COL + l], S[L_ROW + l] = (col if less else was_col), (row if less else was_row)
 
 
-@njit
+@inlined
 def nearest(S: Array, meta: Array) -> None:
     """The least gap of the rims over the cells CP, CT, where LOW bounds it; held where it is less than LEAST."""
     pieces_over_cells(S)
@@ -422,7 +422,7 @@ def nearest(S: Array, meta: Array) -> None:
     hold_nearest(S, meta)
 
 
-@njit
+@inlined
 def search_rims(S: Array, grid: Array, meta: Array, rover: Array, i: int) -> None:
     """The least gap of the rims at RIM of wheel i, all along their lower halves as far as p goes."""
     set_rims(S, rover, meta, i)
@@ -441,7 +441,7 @@ def search_rims(S: Array, grid: Array, meta: Array, rover: Array, i: int) -> Non
         next_lowest(S, BOUNDS, 2 * columns)
 
 
-@njit
+@inlined
 def follow_rims(S: Array, grid: Array, meta: Array, rover: Array, i: int) -> None:
     """The least gap of the rims at RIM of wheel i over the cells CI, CJ, for those that touch with it."""
     set_rims(S, rover, meta, i)

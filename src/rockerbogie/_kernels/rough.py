@@ -25,7 +25,7 @@ from .edges import (
 )
 from .flat_cell import TIE
 from .ground import META_DX, META_DY, META_NX, META_NY, Ground
-from .jit import fused, njit
+from .jit import fused, inlined, njit
 from .lanes import (
     ALL,
     AZ,
@@ -94,7 +94,7 @@ SOUGHT, SETTLED, LOST = 0.0, 1.0, 2.0
 FOLLOWED = 4  # steps on contacts that are followed
 
 
-@njit
+@inlined
 def start(S: Array, grid: Array, meta: Array, rover: Array) -> None:
     """Level over the ground, then a step on treads that are sounded at a few points only."""
     height = rover[P_RADIUS] - rover[P_HUB + 2] - rover[P_PIVOT + 2]
@@ -217,7 +217,7 @@ def search(S: Array, grid: Array, meta: Array, rover: Array, all_round: bool) ->
         hold(S, meta, rover, i, half, 0.0)
 
 
-@njit
+@inlined
 def follow(S: Array, grid: Array, meta: Array, rover: Array) -> None:
     """The contacts of the live lanes' wheels in the cells they were in."""
     for i in range(6):
@@ -273,7 +273,7 @@ def too_fine(meta: Array, rover: Array) -> bool:
     return False
 
 
-@njit
+@inlined
 def settle(S: Array, ground: Ground, rover: Array, count: int, rounds: int) -> None:
     """Settle the first `count` lanes from where they are, in so many rounds. FATE says what has become of them."""
     grid, _, meta = ground
