@@ -48,7 +48,7 @@ from .rims import (
 
 Array = NDArray[np.float64]
 
-SIDE = 24  # nodes under one wheel along x or y, at most
+SIDE = 48  # nodes under one wheel along x or y, at most
 ROOM = SIDE * SIDE
 TINY = 1e-14  # m: an edge right along the axle has no place where it is least; either end will do
 
