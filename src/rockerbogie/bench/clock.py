@@ -16,7 +16,7 @@ def timed(call: Call, clock: Clock = process_time) -> float:
     return clock() - start
 
 
-def best(call: Call, repeats: int = 3, clock: Clock = process_time) -> float:
+def best(call: Call, repeats: int = 5, clock: Clock = process_time) -> float:
     """Seconds of the quickest of some calls: what else the machine does can only add."""
     return min(timed(call, clock) for _ in range(repeats))
 

@@ -36,4 +36,4 @@ def cost(case: Case, poses: int) -> float:
     """µs a pose of the best of some calls."""
     x, y, yaw = places(case, poses)
     settle(case.rover, case.terrain, x, y, yaw)
-    return 1e6 * best(lambda: settle(case.rover, case.terrain, x, y, yaw), int(np.clip(10_000 // poses, 2, 200))) / poses
+    return 1e6 * best(lambda: settle(case.rover, case.terrain, x, y, yaw), int(np.clip(10_000 // poses, 5, 200))) / poses
