@@ -13,6 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from .bounds import LOW, PIECE, fill_up, lowest, next_lowest
 from .flat_cell import TIE
 from .ground import META_DX, META_DY, META_NX, META_NY, META_STEEP
 from .jit import fused, inlined, njit
@@ -34,16 +35,11 @@ from .rims import (
     L_ROW,
     L_SINE,
     LEAST,
-    LOW,
     NONE,
-    PIECE,
     RIM_ROWS,
     A,
     B,
     corners,
-    fill_up,
-    lowest,
-    next_lowest,
 )
 
 Array = NDArray[np.float64]

@@ -18,16 +18,16 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from .bounds import BOUND_ROWS, LOW, PIECE, fill_up, lowest, next_lowest
 from .flat_cell import HAIR, TIE
 from .ground import META_DX, META_DY, META_NX, META_NY
 from .jit import fused, inlined
-from .lanes import AZ, LANES, OX, OY, OZ, PLACE, ROWS, UZ, VX, VY, Q, X, Y, rows, take_corners
+from .lanes import AZ, LANES, OX, OY, OZ, PLACE, UZ, VX, VY, Q, X, Y, rows, take_corners
 from .linkage import P_HALF, P_RADIUS
 
 Array = NDArray[np.float64]
 
 COLUMNS = 48  # under one rim, at most
-MOST, MOST_ROWS = 2048, 1 << 20  # bounds of a lane, numbers in a block: more than there are
 NONE, FOLLOWED = -1e300, -2e300  # a bound where there is none; less, where the cell is given and a place beside it will do
 ROOT_2 = math.sqrt(2.0)  # the greatest of |u| (3 - 2 u²), which is what E adds to the bend at most
 
@@ -36,7 +36,7 @@ ROOT_2 = math.sqrt(2.0)  # the greatest of |u| (3 - 2 u²), which is what E adds
 # that makes A positive; how far p goes; its first column and number of columns less one.
 (
     RIM, P0, T0, A, B, C, D, RHO, ZR, H2, Q2, FAR_T, OVER_H, OVER_Q, AC, BD, E, SWAP, SIGN, LOW_P, HIGH_P, FIRST, MORE, _walk
-) = rows(ROWS, (LANES,) * 23)  # fmt: skip
+) = rows(BOUND_ROWS, (LANES,) * 23)  # fmt: skip
 # A column: where the rim comes in, crosses a line (or goes out) and goes out, as sin φ, cos φ, and t; the two cells
 # and their bounds; the cell it turns back in, if there is another, and its bound.
 (
@@ -57,8 +57,8 @@ ROOT_2 = math.sqrt(2.0)  # the greatest of |u| (3 - 2 u²), which is what E adds
     LOW_BEYOND,
     _cell,
 ) = rows(_walk, (LANES,) * 15)
-# A cell: its place along p and t, along x and y, its corners; the bound of what is looked at, and which piece that is.
-CP, CT, CI, CJ, H00, H01, H10, H11, LOW, PIECE, _piece = rows(_cell, (LANES,) * 10)
+# A cell: its place along p and t, along x and y, its corners.
+CP, CT, CI, CJ, H00, H01, H10, H11, _piece = rows(_cell, (LANES,) * 8)
 # A piece over its cell: its ends, which of them are on lines of the other axis; the gap's parts and the ground's slopes; and
 # where it is least, or that this lies before or beyond an end.
 (
@@ -240,49 +240,6 @@ def bound_pieces(S: Array, grid: Array, meta: Array, columns: int) -> None:
             S[S_IN + l], S[C_IN + l], S[T_IN + l] = S[S_OUT + l], S[C_OUT + l], S[T_OUT + l]
 
 
-@inlined
-def _lower(a: float, i: float, b: float, j: float) -> tuple[float, float]:
-    """The lower of a and b with its number; a where they are alike."""
-    return (b if b < a else a), (j if b < a else i)
-
-
-@fused
-def lowest(S: Array, bounds: int, count: int) -> None:
-    """LOW is the lowest of each lane's bounds in the `count` rows from `bounds` on, none of them nan, and PIECE which; of several
-    the first. They are taken by eight, as each would wait for the one before: `fill_up` has to have been."""
-    bounds, groups = min(max(bounds, 0), MOST_ROWS), min(max((count + 7) // 8, 0), MOST)
-    lanes = min(LANES, groups * LANES)  # as in `bound_pieces`
-    for l in range(LANES):
-        S[LOW + l], S[PIECE + l] = math.inf, 0.0
-    for m in range(groups):
-        at = bounds + 8 * m * LANES
-        for l in range(lanes):
-            a, i = _lower(S[at + l], 0.0, S[at + LANES + l], 1.0)
-            b, j = _lower(S[at + 2 * LANES + l], 2.0, S[at + 3 * LANES + l], 3.0)
-            c, k = _lower(S[at + 4 * LANES + l], 4.0, S[at + 5 * LANES + l], 5.0)
-            d, n = _lower(S[at + 6 * LANES + l], 6.0, S[at + 7 * LANES + l], 7.0)
-            a, i = _lower(a, i, b, j)
-            c, k = _lower(c, k, d, n)
-            a, i = _lower(a, i, c, k)
-            S[LOW + l], S[PIECE + l] = _lower(S[LOW + l], S[PIECE + l], a, 8.0 * m + i)
-
-
-@fused
-def next_lowest(S: Array, bounds: int, count: int) -> None:
-    """As `lowest`, when all that PIECE was is done with."""
-    for l in range(LANES):
-        S[np.uint64(bounds + l) + np.uint64(S[PIECE + l]) * np.uint64(LANES)] = math.inf
-    lowest(S, bounds, count)
-
-
-@fused
-def fill_up(S: Array, bounds: int, count: int) -> None:
-    """The rows after the last, as `lowest` wants them."""
-    for m in range(count, (count + 7) // 8 * 8):
-        for l in range(LANES):
-            S[bounds + m * LANES + l] = math.inf
-
-
 @fused
 def take_up(S: Array, lanes: int) -> int:
     """Of the lanes whose LOW is below LEAST the cells of their pieces, LOW inf for others; how many they are. `lanes`: LANES."""
@@ -337,9 +294,8 @@ def pieces_over_cells(S: Array) -> None:
 def approach(S: Array) -> None:
     """One step of Newton towards the least gap of every piece, held within it."""
     for l in range(LANES):
-        s, k, gs, gc, twist, e, bent = S[NS + l], S[NC + l], S[GS + l], S[GC + l], S[TWIST + l], S[E + l], S[AC + l] - S[BD + l]
-        sl, cl, sr, cr = S[SL + l], S[CL + l], S[SR + l], S[CR + l]
-        bent *= 2.0
+        s, k, gs, gc, twist, e = S[NS + l], S[NC + l], S[GS + l], S[GC + l], S[TWIST + l], S[E + l]
+        sl, cl, sr, cr, bent = S[SL + l], S[CL + l], S[SR + l], S[CR + l], 2.0 * (S[AC + l] - S[BD + l])
         g = gc * s - gs * k - twist * (bent * s * k + e * (k * k - s * s))
         h = gs * s + gc * k - twist * (bent * (k * k - s * s) - 4.0 * e * s * k)
         step = min(max(-g * k / (h * k + g * s), -0.3), 0.3)  # what h is over u
