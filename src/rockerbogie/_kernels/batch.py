@@ -17,6 +17,7 @@ from .lanes import LANES, LINE, SINE, Q, line_up
 from .linkage import P_BOX, PITCH, ROLL, Z, body_axes, stand, stand_feet
 from .memory import bare
 from .proof import LEAST
+from .smooth import sure_step
 from .tread import FOUND, least_gap, patches
 from .underside import NEAR_ROOM, NEAR_SIZE, box_over_ground, least_clearance
 from .wheel import (
@@ -50,12 +51,13 @@ def settle_cubic(
     status (n,), with LEFT among them."""
     buffer, block, which = np.empty(WORK_SIZE), np.empty(BLOCK_SIZE + LINE), np.empty(LANES, np.int64)
     work, land, car, meta, q, S = lay_out(buffer), loan(ground), bare(rover), bare(ground[2]), bare(out), line_up(block)
+    sure = sure_step(meta, car)
     for first in range(start, stop, LANES):
         count = min(LANES, stop - first)
         for l in range(count):
             which[l] = first + l
         load(S, car, meta, x, y, yaw, steering, which, count, first == start, work)
-        settle_block(S, land, car, count, work)
+        settle_block(S, land, car, count, sure, work)
         for l in range(count):
             keep_lane(S, l, car, meta, q, status, first + l, S[VERDICT + l] == LEAST)
     buffer[0] = block[0] = 0.0  # their last use: they live till here

@@ -80,14 +80,13 @@ def prove(S: Array, ground: Ground, rover: Array, l: int, work: Work) -> int:
 
 
 @inlined
-def settle_block(S: Array, ground: Ground, rover: Array, count: int, work: Work) -> None:
-    """Settle the first `count` lanes on cubic ground. VERDICT is LEAST for those that are proved; others are to be settled
-    otherwise."""
+def settle_block(S: Array, ground: Ground, rover: Array, count: int, sure: float, work: Work) -> None:
+    """Settle the first `count` lanes on cubic ground; sure: `smooth.sure_step`. VERDICT is LEAST for those that are proved;
+    others are to be settled otherwise."""
     grid, _, meta = ground
     for l in range(lanes.LANES):
         S[lanes.LIVE + l] = 1.0 if l < count else 0.0
     smooth.start(S, grid, meta, rover)
-    sure = smooth.sure_step(meta, rover)
     if sure > 0.0:  # wherever a rim touches, that is its only place
         smooth.settle(S, grid, meta, rover, sure)
         smooth.standing(S)
