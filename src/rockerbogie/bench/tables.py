@@ -60,7 +60,7 @@ def tables(figures: Mapping[str, Any], before: Mapping[str, float] | None = None
         _of(cases, "µs a pose on one thread: mean, groups of 16, along a path; thousand poses/s", times),
         _of(cases, "worst gap of converged poses, m; share within 1e-9, 1e-6 m; threads over one", quality),
         _of(cases, "a baseline's time over ours (*: it fails at most places)", ratios),
-        _of(cases, "what fsolve's answers are wrong by: the worst of six gaps, m, at every second place", errors),
+        _of(cases, "what fsolve's answers are wrong by: the worst of six gaps, m, median of its places", errors),
         *_growth(figures["growth"]),
         Table("and besides", ["what", "figure"], _besides(figures)),
     ]
