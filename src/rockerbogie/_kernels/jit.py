@@ -44,7 +44,7 @@ class _Herald(event.Listener):  # type: ignore[misc]
         self.collects = gc.isenabled()
         gc.disable()
         if not self.said and sys.stderr is not None and sys.stderr.isatty():
-            print("rockerbogie: compiling kernels for this machine, some 15 s, once", file=sys.stderr, flush=True)
+            print("rockerbogie: compiling kernels for this machine, some 15 to 20 s, once", file=sys.stderr, flush=True)
         self.said = True
 
     def on_end(self, _: event.Event) -> None:
