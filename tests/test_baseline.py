@@ -132,6 +132,8 @@ def test_shapes_broadcast() -> None:
 def test_unknown_contact_is_refused() -> None:
     with pytest.raises(rb.RockerbogieError, match="contact 'edge' is not known; give 'hub', 'point' or 'rim'"):
         fsolve_settle(ROVER, ROUGH, 0, 0, contact="edge")  # type: ignore[arg-type]
+    with pytest.raises(rb.RockerbogieError, match="points is 0"):
+        fsolve_settle(ROVER, ROUGH, 0, 0, contact="rim", points=0)
 
 
 def test_the_pages_tables_are_what_the_example_prints(capsys: pytest.CaptureFixture[str]) -> None:

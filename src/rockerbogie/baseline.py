@@ -46,6 +46,8 @@ def fsolve_settle(
 
     if contact not in ("hub", "point", "rim"):
         raise RockerbogieError(f"contact {contact!r} is not known; give 'hub', 'point' or 'rim'")
+    if points < 2:
+        raise RockerbogieError(f"points is {points}; a rim wants 2 at least, its ends")
     px, py, heading = (np.array(a) for a in np.broadcast_arrays(*(np.asarray(v, dtype=float) for v in (x, y, yaw))))
     q = np.full((*px.shape, 6), np.nan)
     status = np.full(px.shape, Status.NOT_CONVERGED, dtype=np.uint8)

@@ -11,12 +11,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from .above import clear_above, clear_here
 from .contact import NEARLY, TOLERANCE, WIDEST
 from .edges import (
     EDGE_ROWS,
     SIDE,
-    clear_above,
-    clear_here,
     follow_insides,
     nodes_under,
     search_insides,
