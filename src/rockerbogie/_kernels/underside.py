@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from .curved_cell import BENDS_SIZE, XX, XXX, XXY, XY, XYY, YY, YYY, bounded_step, cell_bends
 from .ground import META_CUBIC, META_DX, META_DY, META_NX, META_NY, Ground, on_map, surface
 from .jit import njit
-from .tread import BLANK, OFF
+from .tread import BLANK, FOUND, OFF
 
 Array = NDArray[np.float64]
 
@@ -66,9 +66,23 @@ def least_clearance(near: Array, count: int, cap: float = math.inf) -> float:
 
 
 @njit
-def box_over_ground(ground: Ground, box: Array, axes: Array, x: float, y: float, z: float, margin: float, near: Array) -> int:
-    """Fill `near` (n, NEAR_SIZE) with the lowest place and others up to `margin` higher; returns how many, or -OFF or
-    -BLANK where the map ends or the ground is unknown below the box. `axes` are the body's directions, (x, y, z) its origin."""
+def box_over_ground(
+    ground: Ground, box: Array, axes: Array, x: float, y: float, z: float, margin: float, near: Array
+) -> tuple[int, int]:
+    """List the lowest place of the body's box over the terrain, and others up to `margin` higher.
+
+    Args:
+        ground: terrain.
+        box: (6,) low and high corner in the body's frame, m.
+        axes: (3, 3) the body's directions in the world, one a row.
+        x, y, z: m, the body's origin from the map's first node and the datum.
+        margin: m; 0 for the lowest place alone, within NO_MATTER.
+        near: (n, NEAR_SIZE) filled with the places.
+
+    Returns:
+        FOUND, OFF (the map ends under the box; nothing is listed) or BLANK (missing data under it; places over known cells are
+        listed), and how many places are listed.
+    """
     grid, roof, meta = ground
     bends = np.empty(BENDS_SIZE)
     low = np.empty(3)  # the box's lower corner in each of its own directions
@@ -90,8 +104,8 @@ def box_over_ground(ground: Ground, box: Array, axes: Array, x: float, y: float,
         oy = axes[0, 1] * a + axes[1, 1] * b + axes[2, 1] * c
         x_min, x_max, y_min, y_max = min(x_min, ox), max(x_max, ox), min(y_min, oy), max(y_max, oy)
     if not (on_map(meta, x + x_min, y + y_min) and on_map(meta, x + x_max, y + y_max)):
-        return -OFF
-    count = 0
+        return OFF, 0
+    code, count = FOUND, 0
     # somewhere on the box the gap is no greater than at these places of its lowest face: what lies higher is passed by
     down = 0
     for k in range(1, 3):
@@ -118,12 +132,13 @@ def box_over_ground(ground: Ground, box: Array, axes: Array, x: float, y: float,
             sx = axes[a, 0] * pa + axes[b, 0] * pb + axes[face, 0] * box[face]
             sy = axes[a, 1] * pa + axes[b, 1] * pb + axes[face, 1] * box[face]
             sz = axes[a, 2] * pa + axes[b, 2] * pb + axes[face, 2] * box[face]
-            count = _edge(
+            kept = _edge(
                 ground, bends, x, y, z, sx, sy, sz, axes[face, 0], axes[face, 1], axes[face, 2], box[3 + face] - box[face],
                 cap, seek, apart, near, count,
             )  # fmt: skip
-            if count < 0:
-                return -BLANK
+            if kept < 0:
+                code, kept = BLANK, -1 - kept
+            count = kept
     last_i, last_j = int(meta[META_NX]) - 2, int(meta[META_NY]) - 2
     i0, i1 = min(int(math.floor((x + x_min) / dx)), last_i), min(int(math.floor((x + x_max) / dx)), last_i)
     j0, j1 = min(int(math.floor((y + y_min) / dy)), last_j), min(int(math.floor((y + y_max) / dy)), last_j)
@@ -179,7 +194,8 @@ def box_over_ground(ground: Ground, box: Array, axes: Array, x: float, y: float,
                     continue
                 known = math.isfinite(r0 + r1 + r2 + r3) if meta[META_CUBIC] == 0.0 else cell_bends(grid, i, j, dx, dy, bends)
                 if not known:
-                    return -BLANK
+                    code = BLANK
+                    continue
                 if meta[META_CUBIC] != 0.0:
                     count = _face_over_cell(
                         grid, meta, bends, x, y, z, west, east, south, north, c0, gx, gy, box, a, b,
@@ -196,7 +212,7 @@ def box_over_ground(ground: Ground, box: Array, axes: Array, x: float, y: float,
                             count = _take(near, count, apart, gap, cx, cy, oz, gx, gy)
     if count == 0 and cap < math.inf:
         count = _take(near, 0, apart, cap, cap_x, cap_y, cap_z, -axes[down, 0] / axes[down, 2], -axes[down, 1] / axes[down, 2])
-    return count
+    return code, count
 
 
 @njit
@@ -204,11 +220,26 @@ def _edge(
     ground: Ground, bends: Array, x: float, y: float, z: float, sx: float, sy: float, sz: float,
     ex: float, ey: float, ez: float, length: float, cap: float, seek: float, apart: float, near: Array, count: int,
 ) -> int:  # fmt: skip
-    """Where an edge of the box, from offset (sx, sy, sz) on along (ex, ey, ez), is near the ground: cell by cell. -1 where
-    that is unknown."""
+    """List where an edge of the box is near the terrain, cell by cell.
+
+    Args:
+        ground: terrain.
+        bends: (BENDS_SIZE,) scratch.
+        x, y, z: m, the body's origin.
+        sx, sy, sz: m, the edge's start from there.
+        ex, ey, ez: its direction.
+        length: m.
+        cap, seek: m: what is sought is lower than the lowest place so far, or `cap`, plus `seek`.
+        apart: m, distance within which places are one.
+        near, count: the list and how many it holds.
+
+    Returns:
+        How many the list holds; -1 less that if a part of the edge lies over missing data.
+    """
     grid, roof, meta = ground
     dx, dy = meta[META_DX], meta[META_DY]
     t = 0.0
+    known = True
     while t < length:
         # the piece up to the next grid line: it is told from its middle which cell it is in
         following = length
@@ -235,16 +266,20 @@ def _edge(
             continue
         if meta[META_CUBIC] != 0.0:
             if not cell_bends(grid, i, j, dx, dy, bends):
-                return -1
+                known = False
+                t = following
+                continue
             twice = 2.0 * ex * ey
             low = -(bends[XX + 1] * ex * ex + max(bends[XY] * twice, bends[XY + 1] * twice) + bends[YY + 1] * ey * ey)
         else:
             low = -2.0 * ex * ey * (grid[j, i] - grid[j, i + 1] - grid[j + 1, i] + grid[j + 1, i + 1]) / (dx * dy)
         if not math.isfinite(low):
-            return -1
+            known = False
+            t = following
+            continue
         count = _piece(grid, meta, low, x, y, z, sx, sy, sz, ex, ey, ez, t, following, length, cap, seek, apart, near, count)
         t = following
-    return count
+    return count if known else -1 - count
 
 
 @njit
