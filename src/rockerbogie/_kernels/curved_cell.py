@@ -387,6 +387,10 @@ def _convex_part(
         t_u, t_uu = side * u / (q * w[COS]), side * r * r / (q * q * q * w[COS])
         fx, fy = t_u * w[EX] + w[TAN] * w[VX] - gx, t_u * w[EY] + w[TAN] * w[VY] - gy
         fxx, fxy, fyy = t_uu * w[EX] * w[EX] - hxx, t_uu * w[EX] * w[EY] - hxy, t_uu * w[EY] * w[EY] - hyy
+        # the tangent plane at (x, y) is a lower bound on the part
+        low = w[HZ] + v * w[TAN] - side * q / w[COS] - h + fx * (xm - x) + fy * (ym - y) - abs(fx) * rx - abs(fy) * ry
+        if low >= max(best[GAP] - TIE, keep):
+            return count
         step_x, step_y, held = bounded_step(x - xm, y - ym, rx, ry, fx, fy, fxx, fxy, fyy)
         if held < 0:
             return -1
