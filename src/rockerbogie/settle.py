@@ -15,6 +15,7 @@ from .errors import RockerbogieError, expect
 from .frames import check_steering
 from .pose import Pose
 from .rover import LOAD_ROVER, Rover
+from .status import Status
 from .terrain import Terrain
 
 Mode = Literal["contact", "equilibrium"]
@@ -76,7 +77,12 @@ def settle(
             if left.size > 0:
                 spread(batch.settle_left, left.size, *given, codes, left)
         else:
-            spread(batch.rest_batch, codes.size, *given, codes, report[at].reshape(-1, equilibrium.R_SIZE))
+            forces = report[at].reshape(-1, equilibrium.R_SIZE)
+            spread(batch.rest_batch, codes.size, *given, codes, forces)
+            left = np.flatnonzero((codes == Status.TIPPED) | (codes == Status.NOT_CONVERGED))
+            if left.size > 0:  # search again from the six-wheel pose
+                spread(batch.settle_left, left.size, *given, codes.copy(), left)
+                spread(batch.rest_left, left.size, *given, codes, forces, left)
     return Pose(rover, terrain, px, py, heading, turn, q, status, report)
 
 

@@ -41,5 +41,9 @@ MEANING: dict[Status, tuple[str, str]] = {
         "equilibrium: at rest with the body's box on the ground; contact mode does not look (see clearance)",
         "the rover is high-centred: choose another place",
     ),
-    Status.TIPPED: ("no rest was found right side up: the pose is nan", "the ground tips this rover over"),
+    Status.TIPPED: (
+        "equilibrium: the rover tips over (1.3 rad of roll or pitch) when let down from above, and no rest was found "
+        "from the six-wheel pose either; the pose is nan",
+        "no rest is known here: choose another place or heading",
+    ),
 }

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from . import rough
 from .block import BLOCK_SIZE, ROUNDS, VERDICT, load, settle_block
 from .contact import CONVERGED, JOINT_STOP, beyond_stops, settle_contact
-from .equilibrium import settle_equilibrium
+from .equilibrium import settle_equilibrium, settle_from_pose
 from .ground import META_X, META_Y, META_Z, Ground, loan
 from .jit import inlined, njit
 from .lanes import LANES, LINE, SINE, Q, line_up
@@ -162,6 +162,42 @@ def rest_batch(
         status[k] = settle_equilibrium(land, car, px, py, math.cos(yaw[k]), math.sin(yaw[k]), q[k], report[k], work)
         q[k, Z] += meta[META_Z]
     buffer[0] = 0.0
+
+
+@njit
+def rest_left(
+    ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, out: Array, status: NDArray[np.uint8],
+    report: Array, left: NDArray[np.int64],
+    start: int, stop: int,
+) -> None:  # fmt: skip
+    """Solve for an equilibrium from the six-wheel poses of those that found none when let down from above.
+
+    A pose for which this search fails too keeps the status of the first search.
+
+    Args:
+        ground, rover: the packed terrain and rover.
+        x, y, yaw: (n,) position, m, and heading, rad.
+        steering: (n, 6) or (1, 6) steering angles, rad.
+        out: (n, 6) the six-wheel poses of `settle_left`, NaN where there is none; replaced by the equilibrium, NaN if none.
+        status: (n,) the statuses of the first search; replaced where an equilibrium is found.
+        report: (n, equilibrium.R_SIZE) forces and flags; written where an equilibrium is found.
+        left: (m,) indices of the poses to solve for.
+        start, stop: range of `left` that this call solves for.
+    """
+    buffer = np.empty(WORK_SIZE)
+    work, land, car, meta, q = lay_out(buffer), loan(ground), bare(rover), bare(ground[2]), bare(out)
+    for n in range(start, stop):
+        k = left[n]
+        if math.isnan(q[k, Z]):
+            continue
+        stand_feet(car, steering[k if steering.shape[0] > 1 else 0], work.feet)
+        px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
+        q[k, Z] -= meta[META_Z]
+        code = settle_from_pose(land, car, px, py, math.cos(yaw[k]), math.sin(yaw[k]), q[k], report[k], work)
+        if not math.isnan(q[k, Z]):
+            status[k] = code
+            q[k, Z] += meta[META_Z]
+    buffer[0] = 0.0  # keep the buffer alive: `work` is an unowned view of it
 
 
 @njit

@@ -48,6 +48,7 @@ XXX, XXY, XYY, YYY = range(6, 10)
 BENDS_SIZE = 10
 FLAT = 1e-9  # 1/m: curvature less concave than this makes no minimum inside a tread that its rims do not have, within 1e-9 m
 FINEST = 20  # times a part is quartered
+LEVEL = 1e-10  # slope that rounding may make of 0
 ARRIVED = 1e-13  # m: Newton's method on a convex part ends where its step lowers the function by less
 
 
@@ -412,7 +413,8 @@ def bounded_step(
 ) -> tuple[float, float, int]:
     """Return Newton's step to the minimum of a function that is convex on |x| <= rx, |y| <= ry.
 
-    A coordinate at its bound stays there while the function falls outwards.
+    A coordinate at its bound stays there while the function falls outwards by more than `LEVEL`: a minimum right on a bound, where
+    rounding may give its slope either sign, belongs to both sides.
 
     Args:
         x, y: m, the point.
@@ -422,8 +424,8 @@ def bounded_step(
     Returns:
         The step in x and y, not bounded, and how many coordinates are held at a bound; -1 if the Hessian is not positive.
     """
-    hold_x = (x >= rx and fx <= 0.0) or (x <= -rx and fx >= 0.0)
-    hold_y = (y >= ry and fy <= 0.0) or (y <= -ry and fy >= 0.0)
+    hold_x = (x >= rx and fx < -LEVEL) or (x <= -rx and fx > LEVEL)
+    hold_y = (y >= ry and fy < -LEVEL) or (y <= -ry and fy > LEVEL)
     det = fxx * fyy - fxy * fxy
     if not (det > 0.0 and fxx > 0.0):
         return 0.0, 0.0, -1

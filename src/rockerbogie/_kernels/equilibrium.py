@@ -6,6 +6,9 @@ there a sequence of small quadratic programmes finds it exactly, each with every
 lowest), the belly's near places, the stops and a trust region. Energy falls at every step taken. Where a step would run
 into ground that the programme did not foresee (a kink: another slope of the same wheel), what it met joins the programme.
 
+If the descent tips over or no equilibrium is found after it, `batch.rest_left` solves again from the six-wheel pose of
+contact mode (`settle_from_pose`).
+
 The forces are those of what touches, none below nought, that hold the weight best; if they fail to, the rover does not
 rest there and no pose is given. They are told over the rover's weight.
 """
@@ -35,6 +38,7 @@ from .mass import centre_of_mass
 from .near import LISTED, TOUCH, touch_down
 from .quadratic import invert, solve_qp
 from .tread import BLANK, FOUND
+from .wheel import COSINE, PLACE, SIN
 from .work import Work
 
 Array = NDArray[np.float64]
@@ -61,23 +65,100 @@ R_SIZE = 16
 def settle_equilibrium(
     ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, report: Array, work: Work
 ) -> int:
-    """Fill q (6,) with the pose at rest and report (R_SIZE,); nan when there is none. Returns a status code."""
-    feet, axes, knees = work.feet, work.axes, work.knees
+    """Compute the equilibrium that the rover reaches when it is let down from above, level and with straight joints.
+
+    Args:
+        ground: the packed terrain (ground.Ground).
+        rover: (P_SIZE,) the packed rover.
+        x, y: position of the body's reference point from the first grid node, m.
+        cy, sy: cosine and sine of the heading.
+        q: (6,) z, roll, pitch, rocker and both bogies, m and rad; written, NaN on failure.
+        report: (R_SIZE,) forces and flags; written, NaN on failure.
+        work: scratch memory; `work.feet` holds the steering.
+
+    Returns:
+        Status code: CONVERGED, JOINT_STOP, WHEEL_LIFTED or BELLY_CONTACT at an equilibrium; otherwise OFF_MAP, NO_DATA,
+        TIPPED or NOT_CONVERGED.
+    """
     gap, rows, owner = np.empty(ROWS), np.empty((ROWS, 6)), np.empty(ROWS, np.int64)
-    n, b, force = np.empty((CONSTRAINTS, 6)), np.empty(CONSTRAINTS), np.zeros(CONSTRAINTS)
+    n, b = np.empty((CONSTRAINTS, 6)), np.empty(CONSTRAINTS)
+    code, count = let_down(ground, rover, x, y, cy, sy, q, work, gap, rows, owner, n, b)
+    if count < 0:
+        q[:] = report[:] = math.nan
+        return NO_DATA if code == BLANK else (OFF_MAP if code > 0 else TIPPED)
+    return minimize_energy(ground, rover, x, y, cy, sy, q, report, work, gap, rows, owner, n, b, count, code)
+
+
+@njit
+def settle_from_pose(
+    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, report: Array, work: Work
+) -> int:
+    """Compute the equilibrium that the exact solve reaches from a given pose.
+
+    A joint beyond its limit starts at the limit. z is shifted so that the rover just touches the terrain.
+
+    Args:
+        ground: the packed terrain (ground.Ground).
+        rover: (P_SIZE,) the packed rover.
+        x, y: position of the body's reference point from the first grid node, m.
+        cy, sy: cosine and sine of the heading.
+        q: (6,) the start pose, replaced by the equilibrium, m and rad; NaN on failure.
+        report: (R_SIZE,) forces and flags; written, NaN on failure.
+        work: scratch memory; `work.feet` holds the steering.
+
+    Returns:
+        Status code as `settle_equilibrium`; TIPPED also if the start pose is tipped over.
+    """
+    gap, rows, owner = np.empty(ROWS), np.empty((ROWS, 6)), np.empty(ROWS, np.int64)
+    n, b = np.empty((CONSTRAINTS, 6)), np.empty(CONSTRAINTS)
+    code, count = -1, -1
+    if max(abs(q[ROLL]), abs(q[PITCH])) <= FALLEN:
+        for i in range(6):
+            work.touch[i, SIN], work.touch[i, COSINE], work.touch[i, PLACE] = 0.0, 1.0, 0.0
+        for k in range(3):
+            at = P_STOPS if k == 0 else P_STOPS + 2
+            q[ROCKER + k] = min(max(q[ROCKER + k], rover[at]), rover[at + 1])
+        code, count = touch_down(ground, rover, x, y, cy, sy, q, True, work, gap, rows, owner)
+    if count < 0:
+        q[:] = report[:] = math.nan
+        return NO_DATA if code == BLANK else (OFF_MAP if code > 0 else TIPPED)
+    return minimize_energy(ground, rover, x, y, cy, sy, q, report, work, gap, rows, owner, n, b, count, code)
+
+
+@njit
+def minimize_energy(
+    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, report: Array, work: Work,
+    gap: Array, rows: Array, owner: NDArray[np.int64], n: Array, b: Array, count: int, astray: int,
+) -> int:  # fmt: skip
+    """Move q to a minimum of the potential energy and compute the contact forces that hold it.
+
+    Args:
+        ground: the packed terrain (ground.Ground).
+        rover: (P_SIZE,) the packed rover.
+        x, y: position of the body's reference point from the first grid node, m.
+        cy, sy: cosine and sine of the heading.
+        q: (6,) a pose that just touches, replaced by the equilibrium, m and rad; NaN on failure.
+        report: (R_SIZE,) forces and flags; written, NaN on failure.
+        work: scratch memory; `work.feet` holds the steering.
+        gap, rows, owner: (ROWS,), (ROWS, 6), (ROWS,) the contacts of q as `touch_down` lists them; overwritten.
+        n, b: (CONSTRAINTS, 6), (CONSTRAINTS,) scratch for the constraints.
+        count: number of contacts listed.
+        astray: FOUND, or OFF or BLANK if the map's edge or missing data lies under q.
+
+    Returns:
+        Status code as `settle_equilibrium`.
+    """
+    feet, axes, knees = work.feet, work.axes, work.knees
+    force = np.zeros(CONSTRAINTS)
     slope, trial, d = np.empty(6), np.empty(6), np.empty(6)
     bend, inverse, copy = np.zeros((6, 6)), np.empty((6, 6)), np.empty((6, 6))
     old_pull, pull, moved, bearing = np.empty(6), np.empty(6), np.empty(6), np.empty(7)
     report[:] = math.nan
-    code, count = let_down(ground, rover, x, y, cy, sy, q, work, gap, rows, owner, n, b)
-    if count < 0:
-        q[:] = math.nan
-        return NO_DATA if code == BLANK else (OFF_MAP if code > 0 else TIPPED)
     stand(rover, feet, x, y, cy, sy, q, axes, knees, work.wheels)
     height = q[Z] + centre_of_mass(rover, feet, q, cy, sy, axes, knees, slope)
     forget(bend)
     trust = TRUST
-    astray, barred = code, FOUND  # missing data or the map's edge under the pose; whether it stopped a step
+    barred = FOUND  # OFF or BLANK if the map's edge or missing data stopped a step
     cut_gap, cut_rows, cut_owner = np.empty(CUTS), np.empty((CUTS, 6)), np.empty(CUTS, np.int64)
     listed, cuts, far = count, 0, 0.0
     for _ in range(MOST):
