@@ -48,7 +48,6 @@ XXX, XXY, XYY, YYY = range(6, 10)
 BENDS_SIZE = 10
 FLAT = 1e-9  # 1/m: curvature less concave than this makes no minimum inside a tread that its rims do not have, within 1e-9 m
 FINEST = 20  # times a part is quartered
-LEVEL = 1e-10  # slope that rounding may make of 0
 ARRIVED = 1e-13  # m: Newton's method on a convex part ends where its step lowers the function by less
 
 
@@ -364,7 +363,8 @@ def _convex_part(
     """Note the minimum of T - h over a part where it is convex, if it lies in the part and on the tread.
 
     Newton's method with the part's sides as bounds: a coordinate is held at its side while the function falls outwards there. A
-    minimum held at a side belongs to the part beyond it, or to an edge of the search.
+    minimum held at a side is not listed: it belongs to the part beyond, or to an edge of the search. It can still be the lowest point:
+    if the minimum lies on the border of two parts, rounding may hold it in both.
 
     Args:
         grid, meta: cubic terrain.
@@ -397,7 +397,8 @@ def _convex_part(
         if held < 0:
             return -1
         if abs(fx * step_x + fy * step_y) < ARRIVED:
-            return count if held > 0 else _note_inside(w, side, u, v, h, best, keep, found, count)
+            # held at a side by a slope that may be rounding: no minimum to list, but a point of the tread all the same
+            return _note_inside(w, side, u, v, h, best, keep if held == 0 else -math.inf, found, count)
         new_x, new_y = min(max(x + step_x, xm - rx), xm + rx), min(max(y + step_y, ym - ry), ym + ry)
         new_u = new_x * w[EX] + new_y * w[EY]
         if abs(new_u) > rim:  # towards the tread's end no more than half of what is left
@@ -413,8 +414,7 @@ def bounded_step(
 ) -> tuple[float, float, int]:
     """Return Newton's step to the minimum of a function that is convex on |x| <= rx, |y| <= ry.
 
-    A coordinate at its bound stays there while the function falls outwards by more than `LEVEL`: a minimum right on a bound, where
-    rounding may give its slope either sign, belongs to both sides.
+    A coordinate at its bound stays there while the function falls outwards.
 
     Args:
         x, y: m, the point.
@@ -424,8 +424,8 @@ def bounded_step(
     Returns:
         The step in x and y, not bounded, and how many coordinates are held at a bound; -1 if the Hessian is not positive.
     """
-    hold_x = (x >= rx and fx < -LEVEL) or (x <= -rx and fx > LEVEL)
-    hold_y = (y >= ry and fy < -LEVEL) or (y <= -ry and fy > LEVEL)
+    hold_x = (x >= rx and fx <= 0.0) or (x <= -rx and fx >= 0.0)
+    hold_y = (y >= ry and fy <= 0.0) or (y <= -ry and fy >= 0.0)
     det = fxx * fyy - fxy * fxy
     if not (det > 0.0 and fxx > 0.0):
         return 0.0, 0.0, -1

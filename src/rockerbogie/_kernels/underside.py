@@ -393,12 +393,12 @@ def _face_over_cell(
                         px, py, held = _hill(grid, meta, x, y, gx, gy, ox, oy, rx, ry)
                     if held < 0 and rx >= FINE * half_x:
                         split = True
-                    elif held <= 0:
+                    else:
                         pa, pb = a0 + ax * px + ay * py, b0 + bx * px + by * py
                         if box[a] <= pa <= box[3 + a] and box[b] <= pb <= box[3 + b]:
                             oz = c0 + gx * px + gy * py
                             gap = z + oz - surface(grid, meta, x + px, y + py)[0]
-                            if gap <= limit:
+                            if gap <= (limit if held <= 0 else min(limit, least_clearance(near, count, cap))):
                                 count = _take(near, count, apart, gap, px, py, oz, gx, gy)
         if split:
             level, i, j = level + 1, 2 * i, 2 * j
