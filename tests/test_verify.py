@@ -11,6 +11,7 @@ from scipy.interpolate import RectBivariateSpline
 import oracle
 import rockerbogie as rb
 from helpers import assert_close
+from rockerbogie.terrain import cut
 from strategies import GROUNDS
 from test_gap import any_pose, wheels_of
 
@@ -149,3 +150,117 @@ def test_deep_penetration_is_found_with_scipy_s_spline_as_the_reference() -> Non
             p = wheels.take(np.full(PHI.size, i)).tread(PHI.ravel(), SIDE.ravel() * wheels.half[i])[0]
             lowest = (p[:, 2] - f.ev(p[:, 1], p[:, 0])).min()
             assert -1e-11 <= lowest - v.gap_low.ravel()[i] <= 0.02
+
+
+#: x, y, yaw, q; the lowest gap of the six, m. An earlier release of `settle` returned these poses as converged.
+PENETRATING = [
+    ((0.1, 1.1, 0.9), (6.42, 14.89, 0.0), (-0.00787257, -0.03015774, -0.02704199, 0.03498186, -0.06099727, 0.13130615), -0.05959),
+    ((0.1, 1.0, 0.6), (5.24, 7.01, -1.6), (0.10564607, 0.02187844, 0.03984111, -0.00610487, 0.0329589, 0.03771954), -0.02291),
+    ((0.1, 1.0, 0.6), (9.96, 4.06, -1.55), (0.05047724, 0.03336861, 0.00341616, 0.00577898, 0.02983215, 0.10766718), -0.02263),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("waves", "place", "q", "lowest"), PENETRATING)
+def test_known_penetrations_are_told(waves: tuple, place: tuple, q: tuple, lowest: float) -> None:
+    x, y, yaw = (np.array(value) for value in place)
+    pose = rb.Pose(rb.load_rover("curiosity"), ripples(*waves), x, y, yaw, np.zeros(6), np.array(q), np.zeros((), np.uint8))
+    v = rb.verify(pose)
+    assert v.complete
+    assert not v.passes()
+    assert_close(v.gap_low.min(), lowest, 5e-6, "m", "the value sampled on scipy's spline at 0.3 mm")
+
+
+@pytest.mark.parametrize("interpolation", KINDS)
+def test_missing_data_and_the_map_s_edge(interpolation: str) -> None:
+    """A disc along x = const from y - r to y + r; nodes every 0.25 m; the box of the body far above."""
+    z = np.zeros((40, 40))
+    z[20:, 20] = np.nan
+    terrain = rb.Terrain.from_array(z, 0.25, interpolation=interpolation)
+    ring = 2 if interpolation == "cubic" else 1  # cells beside a missing node whose surface needs it
+    edge = (20 + ring) * 0.25  # x of the first known grid line east of the missing nodes
+    row = (20 - ring) * 0.25
+    rover = rover_of_width(0.0)
+    wheel = rover.hubs[0]  # front left; heading +y puts it at (x - hub y, y + hub x)
+
+    def known(x: float, y: float) -> tuple[bool, bool]:
+        at = x + wheel[1], y - wheel[0]
+        q = np.array([1.0, 0, 0, 0, 0, 0])
+        pose = rb.Pose(rover, terrain, *map(np.array, (*at, np.pi / 2)), np.zeros(6), q, np.zeros((), np.uint8))
+        v = rb.verify(pose)
+        assert v.known[0] == np.isfinite(v.gap_low[0])
+        assert v.known[0] == np.isfinite(v.gap_high[0])
+        assert not v.known[0] or abs(v.gap_high[0] - 0.75) < 2e-8
+        return bool(v.known[0]), bool(v.on_map[0])
+
+    assert known(edge, 7.0) == (True, True)  # exactly on the border: it belongs to the known cells
+    assert known(edge - 5e-10, 7.0) == (True, True)
+    assert known(edge - 2e-9, 7.0) == (False, True)
+    assert known(5.0, 7.0) == (False, True)
+    assert known(5.0, row - 0.25) == (True, True)  # the rim's end touches the border
+    assert known(5.0, row - 0.25 + 2e-9) == (False, True)
+    assert known(0.0, 2.0) == (True, True)
+    assert known(-5e-10, 2.0) == (True, True)
+    assert known(-2e-9, 2.0) == (False, False)
+    assert known(9.75, 2.0) == (True, True)
+    assert known(9.75 + 2e-9, 2.0) == (False, False)
+
+
+@pytest.mark.parametrize("interpolation", KINDS)
+def test_a_window_and_a_map_far_from_the_origin_give_the_same_bits(interpolation: str) -> None:
+    rng = np.random.default_rng(3)
+    z = rng.normal(0, 0.05, (60, 60))
+    terrain = rb.Terrain.from_array(z, 0.25, interpolation=interpolation)
+    window = cut(terrain, (5, 55), (8, 50))
+    pose = hand_made(rover_of_width(0.2), terrain, rng, 3, 0.3)
+    one, two = rb.verify(pose), rb.verify(replace(pose, terrain=window))
+    np.testing.assert_array_equal(one.gap_low, two.gap_low)
+    np.testing.assert_array_equal(one.clearance_high, two.clearance_high)
+    far = rb.Terrain.from_array(z + 4096.0, 0.25, (2.0**22, 2.0**22), interpolation)
+    moved = replace(pose, terrain=far, x=pose.x + 2.0**22, y=pose.y + 2.0**22, q=pose.q + [4096.0, 0, 0, 0, 0, 0])
+    assert_close(rb.verify(moved).gap_high, one.gap_high, 1.2e-8, "m", "positions are rounded to 1e-9 m there")
+    outside = rb.verify(replace(pose, terrain=cut(terrain, (5, 30), (8, 50))))
+    assert not outside.known.all()
+    assert outside.on_map.all()
+
+
+def test_batch_axes_nan_poses_and_the_work_limit() -> None:
+    rover, terrain = rb.load_rover("curiosity"), rb.surfaces.mars(seed=1)
+    pose = rb.settle(rover, terrain, np.zeros((2, 1)), [[0.0, 1.0, 1e6]], 0.3)
+    v = rb.verify(pose)
+    assert v.gap_low.shape == v.known.shape == (2, 3, 6)
+    assert v.clearance_low.shape == v.complete.shape == v.passes().shape == (2, 3)
+    assert v.passes()[:, :2].all()
+    for value in (v.gap_low, v.gap_high, v.clearance_low, v.clearance_high):
+        assert np.isnan(value[:, 2]).all()
+    for flag in (v.complete, v.known, v.on_map, v.passes()):
+        assert not flag[:, 2].any()
+    cut_short = rb.verify(pose, limit=100, tolerance=1e-11)
+    assert not cut_short.complete.all()
+    np.testing.assert_array_less(cut_short.gap_low[:, :2], v.gap_high[:, :2])
+    np.testing.assert_array_less(v.gap_low[:, :2], cut_short.gap_high[:, :2])
+    empty = rb.verify(rb.settle(rover, terrain, np.zeros(0), np.zeros(0)))
+    assert empty.gap_low.shape == (0, 6)
+
+
+def test_poses_at_rest() -> None:
+    """Wheels in the air may have any gap; a wheel with a support force, and a belly with one, must touch."""
+    rng = np.random.default_rng(2)
+    rover, terrain = rb.load_rover("curiosity"), rb.Terrain.from_array(rng.normal(0, 0.2, (60, 60)), 0.25, interpolation="linear")
+    pose = rb.settle(rover, terrain, *rng.uniform(6, 9, (2, 40)), 0.4, mode="equilibrium")
+    v = rb.verify(pose)
+    there = np.isfinite(pose.z)
+    assert there.any()
+    assert pose.wheel_lifted[there].any()
+    assert v.passes()[there].all()
+    assert not rb.verify(replace(pose, q=pose.q + [1e-5, 0, 0, 0, 0, 0])).passes().any()
+    assert not rb.verify(replace(pose, q=pose.q - [1e-5, 0, 0, 0, 0, 0])).passes().any()
+
+
+def test_wrong_arguments() -> None:
+    pose = rb.settle(rb.load_rover("curiosity"), rb.surfaces.plane(), 0.0, 0.0)
+    with pytest.raises(rb.RockerbogieError, match="pose is 'here', not a Pose"):
+        rb.verify("here")  # type: ignore[arg-type]
+    with pytest.raises(rb.RockerbogieError, match="tolerance is 0"):
+        rb.verify(pose, tolerance=0.0)
+    with pytest.raises(rb.RockerbogieError, match="limit is 3"):
+        rb.verify(pose, limit=3)

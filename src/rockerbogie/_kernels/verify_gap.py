@@ -1,6 +1,6 @@
 """Branch and bound for the minimum of (patch z - terrain z): the kernel of `rockerbogie.verify`.
 
-It shares no code with the kernels that settle. A box of the patch is bounded from below (`verify_patch`), and dropped if no
+It shares no code with the kernels that settle. A box of the patch is bounded from below (`verify_box`), and dropped if no
 point of it can lie more than the tolerance under the lowest point found. The box with the lowest bound is halved next, until
 none is left or the work limit is reached; the bracket is valid in both cases. `docs/verification.md` has the derivation.
 """
@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .jit import njit
+from .verify_box import bound_box
 from .verify_patch import (
+    AMPLITUDE,
     BEST,
     EPS,
     HALF_A,
     HALF_B,
     HOLES,
-    PATCH_SIZE,
     REACH,
     ROUND,
     ROUNDING,
@@ -30,7 +31,6 @@ from .verify_patch import (
     P,
     U,
     V,
-    bound_box,
     place,
     reach,
 )
@@ -42,15 +42,15 @@ TREADS, FACES = 6, 3
 PATCHES = TREADS + FACES
 #: Boxes that a tread is divided into around its rim before the search, and their half range of the angle.
 SECTORS = 8
-# A box in the heap: its lower bound, middle (a, b) and half ranges.
-LOW, MIDDLE_A, MIDDLE_B, RANGE_A, RANGE_B = range(5)
-BOX_SIZE = 5
+# A box in the heap: its lower bound, middle (a, b), half ranges, and 1 if it is longer along a.
+LOW, MIDDLE_A, MIDDLE_B, RANGE_A, RANGE_B, LONG_A = range(6)
+BOX_SIZE = 6
 # What is written about a patch.
 ON_MAP, KNOWN, CLOSED = 1, 2, 4
 
 
 @njit
-def push_box(heap: Array, size: int, low: float, a: float, b: float, da: float, db: float) -> int:
+def push_box(heap: Array, size: int, low: float, a: float, b: float, da: float, db: float, long_a: bool) -> int:
     """Add a box to the heap, whose first row has the lowest bound.
 
     Args:
@@ -61,6 +61,7 @@ def push_box(heap: Array, size: int, low: float, a: float, b: float, da: float, 
         b: middle.
         da: half range of a.
         db: half range of b.
+        long_a: True if the box is to be halved along a.
 
     Returns:
         The new size.
@@ -74,6 +75,7 @@ def push_box(heap: Array, size: int, low: float, a: float, b: float, da: float, 
             heap[k, n] = heap[parent, n]
         k = parent
     heap[k, LOW], heap[k, MIDDLE_A], heap[k, MIDDLE_B], heap[k, RANGE_A], heap[k, RANGE_B] = low, a, b, da, db
+    heap[k, LONG_A] = 1.0 if long_a else 0.0
     return size + 1
 
 
@@ -125,8 +127,8 @@ def search_patch(field: Field, patch: Array, w: Array, heap: Array, limit: int) 
     da, db = patch[HALF_A] / sectors, patch[HALF_B]
     for k in range(sectors):
         a = -patch[HALF_A] + (2 * k + 1) * da
-        low, _ = bound_box(field, patch, w, a, 0.0, da, db)
-        size = push_box(heap, size, low, a, 0.0, da, db)
+        low, long_a = bound_box(field, patch, w, a, 0.0, da, db)
+        size = push_box(heap, size, low, a, 0.0, da, db, long_a)
     done = sectors
     while size > 0:
         low = heap[0, LOW]
@@ -135,19 +137,17 @@ def search_patch(field: Field, patch: Array, w: Array, heap: Array, limit: int) 
         if done + 2 > limit:
             return min(closed, low), False, done
         a, b, da, db = heap[0, MIDDLE_A], heap[0, MIDDLE_B], heap[0, RANGE_A], heap[0, RANGE_B]
+        step_a, step_b = (0.5 * da, 0.0) if heap[0, LONG_A] != 0.0 else (0.0, 0.5 * db)
         size = pop_box(heap, size)
-        place(patch, a, b, w)
-        along_a = max(reach(patch, w, 0, da, 0.0), reach(patch, w, 1, da, 0.0))
-        along_b = max(abs(patch[A]), abs(patch[A + 1])) * db
-        step_a, step_b = (0.5 * da, 0.0) if along_a >= along_b else (0.0, 0.5 * db)
         for side in range(2):
             sign = 2.0 * side - 1.0
             ca, cb, ha, hb = a + sign * step_a, b + sign * step_b, da - step_a, db - step_b
-            child = max(bound_box(field, patch, w, ca, cb, ha, hb)[0], low)
+            child, long_a = bound_box(field, patch, w, ca, cb, ha, hb)
+            child = max(child, low)
             if child >= w[BEST] + w[TARGET]:
                 closed = min(closed, child)
             else:
-                size = push_box(heap, size, child, ca, cb, ha, hb)
+                size = push_box(heap, size, child, ca, cb, ha, hb, long_a)
         done += 2
     return closed, True, done
 
@@ -179,12 +179,12 @@ def known_under(field: Field, patch: Array, w: Array, heap: Array, limit: int) -
         a, b, da, db = heap[size, MIDDLE_A], heap[size, MIDDLE_B], heap[size, RANGE_A], heap[size, RANGE_B]
         place(patch, a, b, w)
         x, y = w[P], w[P + 1]
-        rx, ry = max(reach(patch, w, 0, da, db) - BORDER, 0.0), max(reach(patch, w, 1, da, db) - BORDER, 0.0)
-        if all_known(field, x - rx, x + rx, y - ry, y + ry):
+        rx, ry = reach(patch, w, 0, da, db), reach(patch, w, 1, da, db)
+        if near_known(field, x, y, rx, ry):
             continue
         if not any_known(field, x, y):
             return False, True
-        if rx == 0.0 and ry == 0.0:
+        if rx <= BORDER and ry <= BORDER:
             continue
         along_a = max(reach(patch, w, 0, da, 0.0), reach(patch, w, 1, da, 0.0))
         along_b = max(abs(patch[A]), abs(patch[A + 1])) * db
@@ -198,8 +198,38 @@ def known_under(field: Field, patch: Array, w: Array, heap: Array, limit: int) -
 
 
 @njit
+def near_known(field: Field, x: float, y: float, rx: float, ry: float) -> bool:
+    """Return True if every point of a rectangle is shown to lie within `BORDER` of known cells, in x and in y.
+
+    The rectangle is made smaller by `BORDER` on each side. Along an axis where less than that would be left, it is replaced by
+    one line, which lies as far from the middle as all points of the rectangle allow, on one side or on the other.
+
+    Args:
+        field: the terrain.
+        x: middle, m.
+        y: middle, m.
+        rx: half side along x, m.
+        ry: half side along y, m.
+
+    Returns:
+        True if the cells under one of the smaller rectangles are all known.
+    """
+    for side in range(4):
+        if (side % 2 == 1 and rx >= BORDER) or (side // 2 == 1 and ry >= BORDER):
+            continue
+        px, py, hx, hy = x, y, max(rx - BORDER, 0.0), max(ry - BORDER, 0.0)
+        if rx < BORDER:
+            px += (BORDER - rx) if side % 2 else (rx - BORDER)
+        if ry < BORDER:
+            py += (BORDER - ry) if side // 2 else (ry - BORDER)
+        if all_known(field, px - hx, px + hx, py - hy, py + hy):
+            return True
+    return False
+
+
+@njit
 def all_known(field: Field, x0: float, x1: float, y0: float, y1: float) -> bool:
-    """Return True if all cells are known whose inside a rectangle meets.
+    """Return True if all cells are known that a rectangle reaches over.
 
     Args:
         field: the terrain.
@@ -250,7 +280,7 @@ def prepare_patch(field: Field, patch: Array, w: Array, heap: Array, tolerance: 
 
     Args:
         field: the terrain.
-        patch: (PATCH_SIZE,); REACH is written.
+        patch: (PATCH_SIZE,); REACH and AMPLITUDE are written.
         w: (WORK_SIZE,); ROUNDING, TARGET, HOLES are written.
         heap: (limit + 2 SECTORS, BOX_SIZE) working memory.
         tolerance: width of the bracket wanted, m.
@@ -263,15 +293,16 @@ def prepare_patch(field: Field, patch: Array, w: Array, heap: Array, tolerance: 
     low_x = low_y = high_x = high_y = 0.0
     for k in range(3):
         half = patch[HALF_B] * abs(patch[A + k])
-        half += math.hypot(patch[U + k], patch[V + k]) if patch[ROUND] != 0.0 else patch[HALF_A] * abs(patch[U + k])
+        patch[AMPLITUDE + k] = math.hypot(patch[U + k], patch[V + k]) if patch[ROUND] != 0.0 else 0.0
+        half += patch[AMPLITUDE + k] + (0.0 if patch[ROUND] != 0.0 else patch[HALF_A] * abs(patch[U + k]))
+        if not math.isfinite(patch[C + k] + half):
+            return 0
         size = max(size, abs(patch[C + k]) + half)
         if k == 0:
             low_x, high_x = patch[C] - half, patch[C] + half
         elif k == 1:
             low_y, high_y = patch[C + 1] - half, patch[C + 1] + half
     patch[REACH] = size
-    if not math.isfinite(size):
-        return 0
     if low_x < -BORDER or high_x > field.width + BORDER or low_y < -BORDER or high_y > field.depth + BORDER:
         return CLOSED
     i0 = cell_index(low_x - 2.0 * BORDER, field.dx, field.first_col, field.last_col)
@@ -284,7 +315,7 @@ def prepare_patch(field: Field, patch: Array, w: Array, heap: Array, tolerance: 
     if low_y < field.first_row * field.dy or high_y > (field.last_row + 1) * field.dy:
         missing = True
     w[HOLES] = 1.0 if missing else 0.0
-    w[ROUNDING] = EPS * (128.0 * highest + 32.0 * size * (1.0 + slope))
+    w[ROUNDING] = EPS * (192.0 * highest + 32.0 * size * (1.0 + slope))
     w[TARGET] = 2.0 * w[ROUNDING] - tolerance
     if not missing:
         return ON_MAP + KNOWN + CLOSED
@@ -310,7 +341,7 @@ def verify_batch(
     Args:
         grid: the terrain's grid.
         meta: (META_SIZE,) map header.
-        patches: (n, PATCHES, PATCH_SIZE) the six treads and the body's three lower faces; REACH is written.
+        patches: (n, PATCHES, PATCH_SIZE) the six treads and the body's three lower faces; REACH and AMPLITUDE are written.
         tolerance: width of the bracket wanted, m.
         limit: boxes that may be bounded for each tread, and for the body.
         bracket: (n, TREADS + 1, 2) receives the lower and upper bound of each gap and of the clearance, m; NaN if unknown.
@@ -334,7 +365,8 @@ def verify_batch(
             w[BEST] = math.inf
             if all_flags & KNOWN != 0:
                 for k in range(first, last):
-                    prepare_patch(field, patches[pose, k], w, heap, tolerance, limit)
+                    if last > first + 1:  # w holds what belongs to the last face prepared
+                        prepare_patch(field, patches[pose, k], w, heap, tolerance, limit)
                     one, closed, done = search_patch(field, patches[pose, k], w, heap, max(left, 2))
                     low, rounding, left = min(low, one), max(rounding, w[ROUNDING]), left - done
                     if not closed:
@@ -345,6 +377,3 @@ def verify_batch(
             else:
                 bracket[pose, part, 0] = bracket[pose, part, 1] = math.nan
             flags[pose, part], boxes[pose, part] = all_flags, limit - left
-
-
-assert PATCH_SIZE == REACH + 1
