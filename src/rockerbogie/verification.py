@@ -22,7 +22,7 @@ LIMIT = 200_000  # boxes for each tread, and for the body
 
 @dataclass(frozen=True, eq=False)
 class Verification:
-    """Certified brackets of the gaps and the clearance of a pose, with the pose's batch axes (...) in front.
+    """Certified brackets of a pose's gaps and clearance, with its batch axes (...) in front.
 
     The bounds are valid even where `complete` is False. A bracket is NaN if part of the tread (or of the body's box) lies
     off the map or over missing data, and if the pose is NaN.
@@ -57,7 +57,9 @@ class Verification:
 
 
 def verify(pose: Pose, *, tolerance: float = 1e-8, limit: int = LIMIT) -> Verification:
-    """Verify a pose: bracket the gap of every tread and the body's clearance by branch and bound over the whole surface.
+    """Bracket the gap of every tread and the body's clearance, over the whole of each surface.
+
+    The method is branch and bound with certified bounds (docs/verification.md).
 
     This shares no code with `settle`, `Pose.gap` and `Pose.clearance`; the terrain is evaluated from its grid again.
 
@@ -97,7 +99,10 @@ def verify(pose: Pose, *, tolerance: float = 1e-8, limit: int = LIMIT) -> Verifi
 
 
 def _patches(pose: Pose, at: tuple[int | slice | EllipsisType, ...]) -> Array:
-    """Return the treads and the body's lower faces (n, 9, PATCH_SIZE), in metres from the map's first node."""
+    """Return the treads and the body's lower faces (n, 9, PATCH_SIZE).
+
+    Coordinates are in metres from the map's first node.
+    """
     rover, meta, shape = pose.rover, pose.terrain.meta, pose.shape
     x, y, yaw = (np.broadcast_to(value, shape)[at].reshape(-1) for value in (pose.x, pose.y, pose.yaw))
     q = pose.q[at].reshape(-1, 6)

@@ -1,4 +1,4 @@
-"""The lower bound of (patch z - terrain z) over one box: the best of those that `docs/verification.md` derives."""
+"""Lower bound of (patch z - terrain z) over one box; derived in `docs/verification.md`."""
 
 from __future__ import annotations
 
@@ -196,6 +196,8 @@ def bound_over_cell(
         if lx < 0.0 or ly < 0.0 or (lx == 0.0 and ly == 0.0) or not math.isfinite(lx + ly):
             continue
         raised = f + lx * cx + ly * cy - slack * (lx + ly)
+        if raised <= low:  # the bound would not be greater
+            continue
         one, _, _ = taylor_bound(patch, w, raised, hx - lx * sx, hy - ly * sy, da, db, rx, ry)
         low = max(low, one)
         if low >= target:

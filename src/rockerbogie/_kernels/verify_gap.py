@@ -199,7 +199,7 @@ def known_under(field: Field, patch: Array, w: Array, heap: Array, limit: int) -
 
 @njit
 def near_known(field: Field, x: float, y: float, rx: float, ry: float) -> bool:
-    """Return True if every point of a rectangle is shown to lie within `BORDER` of known cells, in x and in y.
+    """Return True if a rectangle is shown to lie within `BORDER` of known cells, in x and in y.
 
     The rectangle is made smaller by `BORDER` on each side. Along an axis where less than that would be left, it is replaced by
     one line, which lies as far from the middle as all points of the rectangle allow, on one side or on the other.

@@ -1,4 +1,4 @@
-"""Lower bounds of (patch z - terrain z) over a box of a patch: a wheel's tread, or a face of the body's box.
+"""Patches (a tread, or a face of the body's box) and the parts of their lower bounds.
 
 A patch is the surface P(a, b) = C + b A + N(a), |a - middle| <= half_a, |b| <= half_b, with N(a) = cos(a) U + sin(a) V for
 a tread (a = phi, b = s, |U| = |V| = radius) and N(a) = a U for a face. `docs/verification.md` derives the bounds.
@@ -134,7 +134,7 @@ def least_on_arc(p: float, q: float, a: float, da: float) -> float:
 def taylor_bound(
     patch: Array, w: Array, f: float, hx: float, hy: float, da: float, db: float, rx: float, ry: float
 ) -> tuple[float, float, float]:
-    """Bound f(a, b) = P_z - h(P_x, P_y) over a box by its value, slopes and the ranges of its second derivatives.
+    """Bound f = P_z - h(P_x, P_y) over a box by its value, slopes and second derivatives.
 
     Args:
         patch: (PATCH_SIZE,).
@@ -183,7 +183,7 @@ def taylor_bound(
 
 @njit
 def least_in_box(ga: float, gb: float, faa: float, fab: float, fbb: float, da: float, db: float) -> tuple[float, float, float]:
-    """Return the minimum of ga a + gb b + (faa a^2 + 2 fab a b + fbb b^2) / 2 over |a| <= da, |b| <= db.
+    """Return the minimum over a box of ga a + gb b + (faa a^2 + 2 fab a b + fbb b^2) / 2.
 
     Args:
         ga: slope along a.

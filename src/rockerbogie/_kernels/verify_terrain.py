@@ -26,7 +26,10 @@ CURVATURE_SIZE = 6
 
 
 class Field(NamedTuple):
-    """Terrain as the verification reads it. Cells are numbered over the whole map; the window has cells first to last."""
+    """Terrain as the verification reads it.
+
+    Cells are numbered over the whole map; the window has cells first to last.
+    """
 
     grid: Array
     cubic: bool
@@ -80,7 +83,7 @@ def cell_index(position: float, step: float, first: int, last: int) -> int:
 
 @njit
 def cell_known(field: Field, i: int, j: int) -> bool:
-    """Return True if the surface of cell (column i, row j) has no missing data; False outside the window.
+    """Return True if cell (column i, row j) has no missing data; False outside the window.
 
     Args:
         field: the terrain.
@@ -251,7 +254,9 @@ def height_above_plane(
 def bound_curvature(
     field: Field, i0: int, i1: int, j0: int, j1: int, rx: float, ry: float, hxx: float, hxy: float, hyy: float, out: Array
 ) -> None:
-    """Write ranges of h_xx, h_xy, h_yy of cubic terrain over a rectangle within cells i0..i1, j0..j1.
+    """Write ranges of h_xx, h_xy, h_yy of cubic terrain over a rectangle.
+
+    The rectangle lies within cells i0..i1, j0..j1.
 
     Each range is the intersection of two: the extremes of the coefficients' second differences, and the value at the
     rectangle's middle plus or minus the largest third differences times the half sides.
