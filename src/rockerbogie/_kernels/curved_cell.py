@@ -363,8 +363,8 @@ def _convex_part(
     """Note the minimum of T - h over a part where it is convex, if it lies in the part and on the tread.
 
     Newton's method with the part's sides as bounds: a coordinate is held at its side while the function falls outwards there. A
-    minimum held at a side is not listed: it belongs to the part beyond, or to an edge of the search. It can still be the lowest point:
-    if the minimum lies on the border of two parts, rounding may hold it in both.
+    minimum held at a side is not listed: it belongs to the part beyond, or to an edge of the search. It can still be
+    the lowest point: if the minimum lies on the border of two parts, rounding may hold it in both.
 
     Args:
         grid, meta: cubic terrain.
