@@ -42,6 +42,20 @@ def whole(dem: Path) -> xr.Dataset:
 CALL = ("--rover", "osr", "--headings", "8", "--limits", "none", "--tilt", "12", "--pitch", "15")
 
 
+def test_an_unmarked_fill_value_is_refused(dem: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """By the commands that read a file whole and by the one that reads it by windows."""
+    spoilt = tmp_path / "spoilt.tif"
+    with rasterio.open(dem) as raster:
+        z, profile = raster.read(1), raster.profile
+    z[0, 149] = 9.969209968386869e36
+    with rasterio.open(spoilt, "w", **profile) as raster:
+        raster.write(z, 1)
+    place = "e+36 m at row 39, column 149 (x = 400014.9, y = 5000003.9 m); the limit is 1e+07 m: mark missing data as NaN"
+    assert place in complaint(capsys, "map", spoilt, *CALL, "-o", tmp_path / "map.tif")
+    assert place in complaint(capsys, "settle", "--rover", "osr", "--terrain", spoilt, "--at", "400007,5000002")
+    assert not (tmp_path / "map.tif").exists()
+
+
 def test_map_to_geotiff(dem: Path, whole: xr.Dataset, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "map.tif"
     told = json.loads(answer(capsys, "map", dem, *CALL, "-o", file, "--json"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 
 import rockerbogie as rb
 from helpers import assert_close
+from rockerbogie.maps.ground import open_ground
 from rockerbogie.raster import read_raster
 
 rasterio = pytest.importorskip("rasterio", reason="needs the geo extra")
@@ -188,6 +190,43 @@ def test_windows_that_hold_nothing(write: Callable[..., Path], window: tuple[flo
 
 def test_all_no_data_is_refused(write: Callable[..., Path]) -> None:
     refused(write(np.full((12, 9), -9999, np.float32), nodata=-9999), "every height of .* is missing")
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("fill", [-3.4028234663852886e38, 1e20, np.inf])
+def test_absurd_heights_are_refused_with_their_place(write: Callable[..., Path], fill: float) -> None:
+    """The same sentence from a file read whole and from one read by windows."""
+    relief = RELIEF.copy()
+    relief[2, 3] = fill
+    value = re.escape(repr(float(np.float32(fill))))
+    sentence = rf"{value} m at row 9, column 3 \(x = 1001.75, y = 1999.375 m\); .* no data in a file"
+    refused(write(relief), f"ground has a height of {sentence}")
+    for kind in ("linear", "cubic"):
+        with pytest.raises(rb.TerrainError, match=f"ground.tif has a height of {sentence}"):
+            open_ground(write(relief), 1, kind)  # type: ignore[arg-type]
+    rb.Terrain.from_raster(write(relief, nodata=fill), interpolation="linear")
+
+
+@pytest.mark.filterwarnings("error")
+def test_heights_that_a_scale_makes_absurd_are_refused(write: Callable[..., Path]) -> None:
+    refused(write(RELIEF.astype(np.float64), scales=(1e307,)), "a height of -inf m at row 0, column 0")
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("transform", "sentence"),
+    [
+        (Affine(1e20, 0, 0, 0, -1, 0), r"spacing of .* along x is 1e\+20 m"),
+        (Affine(1, 0, 0, 0, -1e-300, 0), "spacing of .* along y is 1e-300 m"),
+        (Affine(1, 0, 0, 0, -1e308, 0), r"spacing of .* along y is 1e\+308 m|origin is"),
+        (Affine(0.5, 0, 1e12, 0, -0.5, 0), r"reaches to x = 1e\+12 m"),
+    ],
+)
+def test_places_that_lose_digits_are_refused(write: Callable[..., Path], transform: Affine, sentence: str) -> None:
+    path = write(RELIEF, transform=transform)
+    refused(path, sentence)
+    with pytest.raises(rb.TerrainError, match=sentence):
+        open_ground(path, 1, "linear")
 
 
 def test_more_than_fits_asks_for_a_window(write: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -229,14 +229,26 @@ def test_the_array_given_is_not_touched_and_the_terrain_keeps_its_own() -> None:
         *(
             (
                 {"z": np.where(np.arange(36).reshape(6, 6) == 15, fill, 0.0)},
-                f"a height of {fill:g} m at row 2, column 3 .*NaN".replace("+", "."),
+                f"a height of {float(fill)!r} m at row 2, column 3 .x = 0.3, y = 0.2 m.*NaN".replace("+", "."),
             )
-            for fill in (1e10, 1e20, 9.969209968386869e36, -3.4028234663852886e38, 1.7e308, -1.7e308, 2**31)
+            for fill in (1.01e7, 1e10, 1e15, 1e20, 9.969209968386869e36, -3.4028234663852886e38, 1.7e308, -1.7e308, 2**31)
         ),
         ({"z": np.full((6, 6), np.nan)}, "every height of terrain is missing"),
-        ({"spacing": 1e20}, "spacing is 1e.20 m; give steps from 1e-06 to 1e.06 m"),
-        ({"spacing": 1e-300}, "spacing is 1e-300 m; give steps"),
-        ({"origin": (1e12, 0.0)}, "more than 1e.09 m from zero"),
+        ({"z": [[1.7e308, -1.7e308], [0.0, 0.0]], "interpolation": "linear"}, "a height of 1.7e.308 m at row 0, column 0"),
+        ({"z": np.full((6, 6), 1e20, np.float32)}, "a height of 1.00000002.*e.20 m at row 0, column 0"),
+        ({"z": np.full((6, 6), np.iinfo(np.int64).min)}, "a height of -9.2.*e.18 m"),
+        ({"z": np.ma.masked_equal(np.where(np.arange(36) > 7, 1e20, np.nan).reshape(6, 6), 0)}, "a height of 1e.20 m at row 1"),
+        ({"z": np.full((6, 6), np.longdouble("1e4000"))}, "a height of inf m"),
+        ({"z": np.full((6, 6), 10**400)}, "heights must be an array of numbers"),
+        ({"spacing": 1e20}, "spacing of terrain along x is 1e.20 m; give a step from 1e-06 to 1e.06 m"),
+        ({"spacing": (1.0, 1e-300)}, "spacing of terrain along y is 1e-300 m; give a step"),
+        (
+            {"origin": (1e12, 0.0)},
+            "terrain reaches to x = 1e.12 m in steps of 0.1 m, .* rounded by up to 6e-05 m; .* offset from x",
+        ),
+        ({"origin": (0.0, -1e308)}, "terrain reaches to y = 1e.308 m"),
+        ({"origin": (0.0, 9.9e8), "spacing": 0.01}, "terrain reaches to y = 9.9e.08 m .* a rounding of 1e-06 of a step"),
+        ({"spacing": 1e6, "z": np.zeros((4, 1002))}, "terrain reaches to x = 1.001e.09 m"),
         ({"z": [["a", "b"], ["c", "d"]]}, "heights must be an array of numbers"),
         ({"z": [[1.0, 2.0], [3.0]]}, "heights must be an array of numbers"),
     ],
@@ -261,33 +273,56 @@ def test_complex_heights_are_refused() -> None:
 FAR_AWAY = (-9999.0, -32768.0, 8848.0, 9.9e6)
 
 
-@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
-@pytest.mark.parametrize("fill", FAR_AWAY)
-def test_one_extreme_height_far_away_does_not_move_a_pose(interpolation: Any, fill: float) -> None:
+def test_heights_may_be_radii_of_planets() -> None:
+    z = 6_378_137.0 + rough(14)
+    terrain = rb.Terrain.from_array(z, 0.5, interpolation="linear")
+    assert_close(terrain.height(*np.meshgrid(terrain.x, terrain.y)), z, 1e-9, "m", "double precision resolves 1e-9 m there")
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("interpolation", KINDS)
+def test_an_extreme_height_far_away_does_not_move_a_pose(interpolation: Any) -> None:
     """The reference height is a median: it does not depend on extremes."""
     rover = rb.load_rover("curiosity")
     row, col = np.mgrid[:120, :120] * 0.5
     z = 0.4 * np.sin(col / 3) + 0.3 * np.cos(row / 4) + 100
-    spoilt = z.copy()
-    spoilt[119, 119] = fill
-    for mode in ("contact", "equilibrium"):
-        good, bad = (
-            rb.settle(rover, rb.Terrain.from_array(heights, 0.5, interpolation=interpolation), 20.0, 20.0, 0.3, mode=mode)  # type: ignore[arg-type]
-            for heights in (z, spoilt)
-        )
-        assert_close(bad.q, good.q, 1e-12, "m, rad", "the spline carries 0.27 ** 70 of it so far")
+    good = rb.Terrain.from_array(z, 0.5, interpolation=interpolation)
+    for fill in FAR_AWAY:
+        spoilt = z.copy()
+        spoilt[119, 119] = fill
+        bad = rb.Terrain.from_array(spoilt, 0.5, interpolation=interpolation)
+        assert bad.height(20.0, 20.0) == good.height(20.0, 20.0)
+        for mode in ("contact", "equilibrium"):
+            expected, found = (rb.settle(rover, terrain, 20.0, 20.0, 0.3, mode=mode) for terrain in (good, bad))  # type: ignore[arg-type]
+            assert found.status == expected.status == rb.Status.CONVERGED
+            assert_close(found.q, expected.q, 1e-12, "m, rad", "the spline carries 0.27 ** 70 of it so far")
+            assert_close(found.clearance, expected.clearance, 1e-12, "m", "and the search for it leaves out what is far")
 
 
-def test_the_reference_height_is_found_in_parts_too() -> None:
-    """A map taken in by bands of rows has the reference height of the whole, large maps by a subgrid, sparse ones by a row."""
-    rng = np.random.default_rng(0)
-    for shape, known in (((30, 40), 1.0), ((2500, 1100), 1.0), ((2500, 1100), 1e-3)):
-        z = np.where(rng.random(shape) < known, rng.normal(size=shape), np.nan)
-        if known < 1.0:
-            z[::3] = z[:, ::2] = np.nan  # no node of the subgrid is known
-        whole, parts = Datum(shape), Datum(shape)
-        whole.add(0, z, "z")
-        for row in range(0, shape[0], 7):
-            parts.add(row, z[row : row + 7], "z")
-        assert whole.height("z") == parts.height("z")
-        assert abs(whole.height("z")) < 1.5
+def reference(z: np.ndarray, band: int) -> float:
+    """Reference height of a map taken in by bands of so many rows."""
+    datum = Datum("z", z.shape, (1.0, 1.0), (0.0, 0.0))  # type: ignore[arg-type]
+    for row in range(0, len(z), band):
+        datum.add(row, z[row : row + band])
+    return datum.height()
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+@pytest.mark.parametrize("shape", [(30, 40), (2500, 1100)])
+def test_the_reference_height_does_not_depend_on_bands_or_extremes(shape: tuple[int, int], sparse: bool) -> None:
+    z = np.random.default_rng(0).normal(-4450.2, 0.1, shape)
+    if sparse:
+        z[::3] = np.nan
+        z[:, ::2] = np.nan  # no node of the large map's subgrid is known
+    for fill in (None, 9.9e6, -9.9e6):
+        if fill is not None:
+            z[1, 1] = z[4, 5:25:2] = fill  # among the first known nodes
+        for band in (1, 7, 1000, shape[0]):
+            assert reference(z, band) == -4450.0
+
+
+def test_the_reference_height_is_a_median_rounded_to_metres() -> None:
+    for values, expected in (([0.4, 0.4, 9e6], 0.0), ([2.5, np.nan, 2.6], 3.0), ([-7.4], -7.0), ([-0.5, -0.5], 0.0)):
+        assert reference(np.array([values]), 1) == expected
+    with pytest.raises(rb.TerrainError, match=r"every height of z is missing \(NaN\)"):
+        reference(np.full((3, 3), np.nan), 2)

@@ -11,6 +11,7 @@ import pytest
 import rockerbogie as rb
 from helpers import paper_rover
 from rockerbogie import spline
+from rockerbogie import terrain as terrain_module
 from rockerbogie.maps import ground as filed_ground
 from rockerbogie.maps.ground import Span, hold_ground, nodes_under, open_ground, reach
 from rockerbogie.terrain import Terrain, Whole, cut, lay, nodes_needed
@@ -159,3 +160,26 @@ def test_a_file_read_in_windows_is_the_file_read_whole(data: Callable[[str], Any
         for rows, cols in (((0, 90), (200, 300)), ((240, 270), (500, 513))):
             for name in ("z", "grid", "roof", "meta"):
                 assert same(getattr(filed.window(rows, cols), name), getattr(cut(terrain, rows, cols), name))
+
+
+def test_the_reference_height_of_a_file_is_the_terrains(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In bands of any size, with extremes, and where no node of the subgrid is known."""
+    rasterio = pytest.importorskip("rasterio", reason="needs the geo extra")
+    monkeypatch.setattr(terrain_module, "DATUM_SIDE", 40)  # a subgrid of every 16th row and 15th column
+    for band in (1, 5000, 1 << 22):
+        monkeypatch.setattr(filed_ground, "BAND", band)
+        for known in ((slice(None), slice(None)), (slice(1, None, 16), slice(None)), (slice(None), slice(2, None, 15))):
+            z = np.full(SHAPE, np.nan)
+            z[known] = heights(holes=True)[known]
+            z[17, 17] = 9.9e6
+            path = tmp_path / "ground.tif"
+            place = rasterio.Affine(STEP[0], 0, ORIGIN[0], 0, -STEP[1], ORIGIN[1])
+            profile = {"height": SHAPE[0], "width": SHAPE[1], "count": 1, "dtype": "float64", "nodata": np.nan}
+            with rasterio.open(path, "w", driver="GTiff", crs="EPSG:32633", transform=place, **profile) as raster:
+                raster.write(z[::-1], 1)
+            terrain, filed = Terrain.from_raster(path, interpolation="linear"), open_ground(path, 1, "linear")
+            assert filed.whole == hold_ground(terrain).whole
+            assert abs(filed.whole.level + 4450) <= 1
+            for rows, cols in (((0, 40), (0, 40)), ((300, 420), (500, 590))):
+                for name in ("z", "grid", "roof", "meta"):
+                    assert same(getattr(filed.window(rows, cols), name), getattr(cut(terrain, rows, cols), name))

@@ -19,8 +19,8 @@ Array = NDArray[np.float64]
 #: Most pixels read at once: 3.2 GB of heights.
 MOST_PIXELS = 400_000_000
 CACHE = 64 << 20  # bytes of a file that GDAL may keep
-#: Values that files use for no data, and that are no height anybody drives at.
-LOOK_UNKNOWN = (-3.4028234663852886e38, -99999.0, -32768.0, -32767.0, -9999.0)
+#: Values that files use for no data and that are no height anybody drives at; `terrain.MAX_HEIGHT` refuses greater ones.
+LOOK_UNKNOWN = (-99999.0, -32768.0, -32767.0, -9999.0)
 METRES = frozenset({"", "m", "metre", "meter", "metres", "meters"})
 
 
@@ -74,7 +74,7 @@ class Raster:
                 f"so in the file, with gdal_edit.py -a_nodata {lowest:g} {self.path.name}",
                 stacklevel=3,
             )
-        with np.errstate(over="ignore"):  # what overflows is refused by its value
+        with np.errstate(over="ignore", invalid="ignore"):  # heights that overflow are refused with the terrain
             heights = np.ma.filled(raw.astype(np.float64), np.nan) * scale + offset
         if self.step[0] < 0:
             heights = heights[:, ::-1]
@@ -146,7 +146,8 @@ def _places(corner: float, step: float, count: int, first: int, last: int) -> Ar
     at = np.arange(first, last)
     if step < 0:
         at = count - 1 - at
-    return np.asarray(corner + step * (at + 0.5))
+    with np.errstate(over="ignore", invalid="ignore"):  # positions that are not finite are refused with the terrain
+        return np.asarray(corner + step * (at + 0.5))
 
 
 def _check(raster: Any, name: str, band: int) -> None:

@@ -18,8 +18,9 @@ Array = NDArray[np.float64]
 Interpolation = Literal["cubic", "linear"]
 
 MAX_HEIGHT = 1e7  # m: heights may be radii of a planet; what is beyond marks missing data
-MAX_ORIGIN = 1e9  # m: where double precision resolves 1e-7 m
+MAX_COORDINATE = 1e9  # m: where double precision resolves 1e-7 m
 SPACING_RANGE = (1e-6, 1e6)  # m
+RESOLVED = 1e-6  # cells: the greatest rounding error of a coordinate, as in _kernels.ground.onto
 DATUM_SIDE = 1000  # nodes: a side of the subgrid whose median is the reference height
 
 
@@ -55,7 +56,7 @@ class Terrain:
         """Ground from an array of heights.
 
         Args:
-            z: (rows, cols) heights, m; y grows with the row. nan is no data.
+            z: (rows, cols) heights, m, at most `MAX_HEIGHT` up or down; y grows with the row. nan is no data.
             spacing: dx, or (dx, dy), m.
             origin: (x, y) of z[0, 0], m.
             interpolation: "cubic", the C2 spline through the nodes (not-a-knot at the rim), or "linear", bilinear.
@@ -66,10 +67,11 @@ class Terrain:
         try:
             if np.iscomplexobj(z):
                 raise TypeError("they are complex")
-            heights: Array = np.array(np.ma.filled(np.ma.asarray(z, dtype=float), np.nan))
+            with np.errstate(over="ignore"):  # a long double may become infinite, which is refused
+                heights: Array = np.array(np.ma.filled(np.ma.asarray(z, dtype=float), np.nan))
             step = np.broadcast_to(np.asarray(spacing, dtype=float), (2,))
             corner = np.asarray(origin, dtype=float)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise TerrainError(
                 f"heights must be an array of numbers, spacing ({spacing!r}) one number or two, origin ({origin!r}) two: {error}"
             ) from None
@@ -84,19 +86,12 @@ class Terrain:
             raise TerrainError(f"spacing is {spacing}; give one finite step above 0, or two (dx, dy), in metres")
         if corner.shape != (2,) or not np.isfinite(corner).all():
             raise TerrainError(f"origin is {origin}; give the finite (x, y) of the first node, in metres")
-        if not ((step >= SPACING_RANGE[0]) & (step <= SPACING_RANGE[1])).all():
-            raise TerrainError(f"spacing is {spacing} m; give steps from {SPACING_RANGE[0]:g} to {SPACING_RANGE[1]:g} m")
-        if np.abs(corner).max() > MAX_ORIGIN:
-            raise TerrainError(
-                f"origin is {origin} m; more than {MAX_ORIGIN:g} m from zero a position has no digits left for a rover: "
-                "subtract an offset from x and y"
-            )
-        datum = Datum(heights.shape)
-        datum.add(0, heights, name)
         shape = heights.shape
-        size = float(step[0]), float(step[1])
-        level = datum.height(name)
-        whole = Whole(shape, size, (float(corner[0]), float(corner[1])), interpolation, crs, name, level, None)
+        size, first = (float(step[0]), float(step[1])), (float(corner[0]), float(corner[1]))
+        check_grid(name, shape, size, first)
+        datum = Datum(name, shape, size, first)
+        datum.add(0, heights)
+        whole = Whole(shape, size, first, interpolation, crs, name, datum.height(), None)
         return lay(heights, (0, 0), (0, shape[0]), (0, shape[1]), whole)
 
     @classmethod
@@ -190,61 +185,98 @@ class Whole(NamedTuple):
     steep: float = np.inf  # ground.META_STEEP
 
 
-class Datum:
-    """Reference height of a map, found in one pass over its rows; it is subtracted from heights before the kernels see them.
+def check_grid(name: str, shape: tuple[int, int], spacing: tuple[float, float], origin: tuple[float, float]) -> None:
+    """Check that double precision resolves positions on a grid.
 
-    It is the median of the known nodes of a regular subgrid of at most `DATUM_SIDE` by `DATUM_SIDE` nodes, so that single extreme
-    heights do not move it; if none of these is known, the median of the first row that has a known node.
+    Args:
+        name: of the map, for the error.
+        shape: rows, cols.
+        spacing: dx, dy, m.
+        origin: x, y of the first node, m.
+
+    Raises:
+        TerrainError: a spacing outside `SPACING_RANGE`, a coordinate beyond `MAX_COORDINATE`, or coordinates whose rounding
+            error exceeds `RESOLVED` cells.
+    """
+    least, most = SPACING_RANGE
+    for axis, step, first, count in zip("xy", spacing, origin, shape[::-1], strict=True):
+        if not least <= step <= most:
+            raise TerrainError(f"spacing of {name} along {axis} is {step:g} m; give a step from {least:g} to {most:g} m")
+        farthest = max(abs(first), abs(first + (count - 1) * step))
+        error = 0.5 * float(np.spacing(farthest))
+        if not farthest <= MAX_COORDINATE or error > RESOLVED * step:
+            raise TerrainError(
+                f"{name} reaches to {axis} = {farthest:g} m in steps of {step:g} m, where numbers are rounded by up to "
+                f"{error:.1g} m; the limits are {MAX_COORDINATE:g} m and a rounding of {RESOLVED:g} of a step: subtract an "
+                f"offset from {axis}"
+            )
+
+
+class Datum:
+    """Reference height of a map, computed in one pass over its rows.
+
+    It is subtracted from heights before they reach the kernels. It is the median of the known nodes of a regular subgrid, rounded
+    to a whole metre. The subgrid has every k-th row and every l-th column from the first on, with the least k and l that leave
+    at most `DATUM_SIDE` of each. If none of its nodes is known, the median is that of the first `DATUM_SIDE`² known
+    nodes, row by row. So a few extreme heights do not change it.
     """
 
-    def __init__(self, shape: tuple[int, int]) -> None:
-        self.steps = [-(-count // DATUM_SIDE) for count in shape]
-        self.sample: list[Array] = []
-        self.first_known: Array | None = None
+    def __init__(self, name: str, shape: tuple[int, int], spacing: tuple[float, float], origin: tuple[float, float]) -> None:
+        """Start an empty sample.
 
-    def add(self, row: int, z: Array, name: str) -> None:
-        """Take in the next rows of the map and check their heights.
+        Args:
+            name: of the map, for errors.
+            shape: rows, cols of the map.
+            spacing: dx, dy, m, for errors.
+            origin: x, y of the first node, m, for errors.
+        """
+        self.name, self.spacing, self.origin = name, spacing, origin
+        self.steps = [-(-count // DATUM_SIDE) for count in shape]
+        self.sample: list[Array] = []  # known nodes of the subgrid
+        self.first: list[Array] = []  # the first known nodes, while the subgrid has none
+        self.room = DATUM_SIDE**2  # how many more of them are kept
+
+    def add(self, row: int, z: Array) -> None:
+        """Add the next rows of the map after checking their heights.
 
         Args:
             row: index of the first of them.
-            z: (rows, cols) all columns of these rows, m; NaN is missing data.
-            name: of the map, for the error.
+            z: (rows, cols) heights, m, all columns of these rows; NaN is missing data.
 
         Raises:
             TerrainError: a height that is infinite or beyond `MAX_HEIGHT`.
         """
-        with np.errstate(invalid="ignore"):
-            absurd = np.abs(z) > MAX_HEIGHT
-        if absurd.any():
-            at = tuple(int(n) for n in np.argwhere(absurd)[0])
-            raise TerrainError(
-                f"{name} has a height of {z[at]:g} m at row {row + at[0]}, column {at[1]} of Terrain.z "
-                f"({int(absurd.sum())} beyond {MAX_HEIGHT:g} m): if it marks missing data, replace it with NaN, or declare it "
-                "as no data in the file"
-            )
+        if max(np.fmax.reduce(z, axis=None), -np.fmin.reduce(z, axis=None)) > MAX_HEIGHT:
+            self._refuse(row, z)
         part = z[-row % self.steps[0] :: self.steps[0], :: self.steps[1]]
-        self.sample.append(part[np.isfinite(part)])
-        if self.first_known is None:
-            known = np.isfinite(z)
-            rows = known.any(axis=1)
-            if rows.any():
-                first = int(np.argmax(rows))
-                self.first_known = z[first, known[first]]
+        part = part[np.isfinite(part)]
+        if part.size > 0:
+            self.sample.append(part)
+        elif not self.sample and self.room > 0:
+            known = z[np.isfinite(z)][: self.room]
+            self.first.append(known)
+            self.room -= known.size
 
-    def height(self, name: str) -> float:
+    def _refuse(self, row: int, z: Array) -> None:
+        """Raise the error for the first height beyond `MAX_HEIGHT` of the rows z that begin at `row`."""
+        at = int(np.argmax(np.abs(z) > MAX_HEIGHT))
+        i, col = row + at // z.shape[1], at % z.shape[1]
+        x, y = (first + n * step for first, n, step in zip(self.origin, (col, i), self.spacing, strict=True))
+        raise TerrainError(
+            f"{self.name} has a height of {float(z.flat[at])!r} m at row {i}, column {col} (x = {x:.10g}, y = {y:.10g} m); "
+            f"the limit is {MAX_HEIGHT:g} m: mark missing data as NaN, or as no data in a file (gdal_edit.py -a_nodata)"
+        )
+
+    def height(self) -> float:
         """Return the reference height, m.
-
-        Args:
-            name: of the map, for the error.
 
         Raises:
             TerrainError: no node is known.
         """
-        if self.first_known is None:
-            raise TerrainError(f"every height of {name} is missing (NaN): there is no terrain")
-        values = np.concatenate(self.sample)
-        values = values if values.size > 0 else self.first_known
-        return float(np.partition(values, values.size // 2)[values.size // 2])
+        values = np.concatenate([*(self.sample or self.first), np.empty(0)])
+        if values.size == 0:
+            raise TerrainError(f"every height of {self.name} is missing (NaN): there is no terrain")
+        return float(np.floor(np.partition(values, values.size // 2)[values.size // 2] + 0.5))
 
 
 def nodes_needed(start: int, stop: int, count: int, interpolation: Interpolation) -> tuple[int, int]:
