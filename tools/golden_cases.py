@@ -92,9 +92,9 @@ def terrain_of(rover: str, surface: str, interpolation: Any) -> rb.Terrain:
         case "fractal":
             return make.fractal(seed, rms_slope=0.14, **grid)
         case "rocks":
-            return make.rocks(0.15, seed, smallest=unit, largest=6.0 * unit, **grid)
+            return make.rocks(0.15, seed, smallest=max(unit, 2.01 * cell), largest=6.0 * unit, **grid)
         case "mars":
-            rocks = {"smallest_rock": 1.5 * unit, "largest_rock": 8.0 * unit}
+            rocks = {"smallest_rock": max(1.5 * unit, 2.01 * cell), "largest_rock": 8.0 * unit}
             return make.mars(seed, crater_density=0.3, smallest_crater=10.0 * unit, **rocks, **grid)
         case "paper":
             length = {"run_in": 10, "length": 20, "hill_amplitude": 1.5, "ramp_height": 2, "corner": 10 / 75, "seam": 2}
@@ -162,8 +162,9 @@ def motion(name: str, rover: str) -> Iterator[Item]:
     """Yield frames, Jacobians, twists, commands and slip of poses on smooth terrain."""
     machine, terrain, rng = rover_of(rover), terrain_of(rover, "rough", "cubic"), generator(name)
     x, y, yaw = places(name, terrain, MOTION_POSES)
-    settled = np.isfinite(rb.settle(machine, terrain, x, y, yaw).z)  # `wheel_commands` refuses a pose that is NaN
-    turn = steering_of(name, machine, MOTION_POSES)[settled]
+    turn = steering_of(name, machine, MOTION_POSES)
+    settled = np.isfinite(rb.settle(machine, terrain, x, y, yaw, steering=turn).z)  # `wheel_commands` refuses NaN
+    turn = turn[settled]
     pose = rb.settle(machine, terrain, x[settled], y[settled], yaw[settled], steering=turn)
     count = len(turn)
     rates = {"wheel_rates": uniform(rng, -1, 1, count, 6), "rocker_rate": uniform(rng, -0.1, 0.1, count)}
