@@ -15,7 +15,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tools"))
 import golden
 import golden_cases
 
-#: 460 contact poses, 4 equilibrium poses, motion and exports of one rover.
+#: 404 contact poses, 7 equilibrium poses, motion and exports of one rover.
 SUBSET = (
     "contact/curiosity/fractal/cubic",
     "contact/sawppy/rocks/linear",
@@ -23,6 +23,7 @@ SUBSET = (
     "contact/rocky7/noise/linear",
     "equilibrium/curiosity/rocks/linear",
     "equilibrium/osr/fractal/cubic",
+    "equilibrium/custom/boulders/linear",
     "motion/perseverance",
     "exports/custom",
 )

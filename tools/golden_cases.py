@@ -25,14 +25,29 @@ Group = Callable[[], Iterator[Item]]
 
 PRESETS = ("curiosity", "elhami-dashti", "osr", "perseverance", "rocky7", "sawppy")
 ROVERS = (*PRESETS, "custom")
-SURFACES = ("ditch", "fractal", "mars", "paper", "plane", "ramp", "rocks", "rough", "sine", "step", "noise", "holes")
+SURFACES = (
+    "ditch",
+    "fractal",
+    "mars",
+    "paper",
+    "plane",
+    "ramp",
+    "rocks",
+    "rough",
+    "sine",
+    "step",
+    "noise",
+    "holes",
+    "steep",
+    "boulders",
+)
 #: Surfaces on which wheels lift, joints reach their limits and bodies touch.
-HARD = ("rocks", "step", "rough", "noise", "holes")
+HARD = ("rocks", "step", "rough", "noise", "holes", "steep", "boulders")
 INTERPOLATIONS = ("cubic", "linear")
 #: Node distances in wheel radii; the cases take turns.
 CELLS = (0.15, 0.3, 0.6, 1.0)
 SIDE = 60.0  # of a map, in wheel radii
-CONTACT_POSES, MOTION_POSES = 115, 40
+CONTACT_POSES, MOTION_POSES = 101, 40
 #: In equilibrium mode a pose takes 1 to 2 ms, so there are fewer.
 EQUILIBRIUM_POSES, EQUILIBRIUM_POSES_HARD = 1, 3
 
@@ -78,6 +93,10 @@ def terrain_of(rover: str, surface: str, interpolation: Any) -> rb.Terrain:
     match surface:
         case "plane":
             return make.plane(0.15, 0.6, **grid)
+        case "steep":
+            return make.plane(0.85, 1.1, **grid)
+        case "boulders":
+            return boulders(f"{rover}/{surface}/{interpolation}", unit, cell, interpolation)
         case "ramp":
             return make.ramp(0.3, 2.0 * unit, start=2.0 * unit, direction=0.4, corner=0.4 * unit, **grid)
         case "step":
@@ -114,6 +133,16 @@ def random_terrain(name: str, unit: float, cell: float, holes: bool, interpolati
     z[rng.random(z.shape) < 0.2 * (cell / (SIDE * unit)) ** 2 * 100] = np.nan  # some 20 nodes
     z[: count // 5, : count // 4] = np.nan
     return rb.Terrain.from_array(z - 4450.0, (cell, 1.25 * cell), (12345.5, -987.25), interpolation)
+
+
+def boulders(name: str, unit: float, cell: float, interpolation: Any) -> rb.Terrain:
+    """Return level terrain with cones high enough to reach the body of a rover."""
+    rng = generator(name)
+    axis = -SIDE * unit / 2 + cell * np.arange(int(SIDE * unit / cell))
+    z = np.zeros((len(axis), len(axis)))
+    for x, y in uniform(rng, -26, 26, 60, 2) * unit:
+        z = np.maximum(z, 3.5 * unit - 2.0 * np.hypot(axis - x, axis[:, None] - y))
+    return rb.Terrain.from_array(z, cell, (axis[0], axis[0]), interpolation)
 
 
 def places(name: str, terrain: rb.Terrain, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
