@@ -1,0 +1,157 @@
+"""Upper bounds of gap and clearance by dense sampling and zooming: no search kernel is used."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+import oracle
+import rockerbogie as rb
+
+Array = NDArray[np.float64]
+Height = Callable[[Array, Array], Array]
+
+PER_CELL = 8.0  # samples along a cell
+MOST = (900, 120)  # samples of a tread around and across
+MINIMA = 12  # local minima refined of each tread or face
+ZOOMS, FINE, SHRINK = 9, 9, 3.5
+POINTS = 1 << 18  # points evaluated at once
+
+
+@dataclass
+class Minima:
+    """Local minima (m, MINIMA) of the height over ground on each of m treads or faces, lowest first; inf where there are fewer."""
+
+    gap: Array
+    phi: Array
+    s: Array
+
+
+def local_minima(height: Height, wheels: oracle.Wheels, cell: float, per_cell: float = PER_CELL) -> Minima:
+    """Sample every tread (m,) and refine its lowest local minima.
+
+    Args:
+        height: z (...) of the ground at x, y (...), m; NaN where it is unknown.
+        wheels: treads or faces in the world.
+        cell: smallest node spacing, m.
+        per_cell: samples along a cell.
+
+    Returns:
+        The minima: each `gap` is the height of a point of the tread over the ground, NaN points left out.
+    """
+    m = len(wheels.radius)
+    out = Minima(np.full((m, MINIMA), np.inf), np.zeros((m, MINIMA)), np.zeros((m, MINIMA)))
+    extents = wheels.extent()
+    for unit, span, half in np.unique(extents, axis=0):
+        here = np.flatnonzero((extents == (unit, span, half)).all(axis=1))
+        round_ = not isinstance(wheels, oracle.Faces)
+        reach = np.pi / 2 + 0.1 if round_ else span
+        n_phi, n_s = (
+            1 if a == 0.0 else int(np.clip(np.ceil(2 * per_cell * a / cell), least, most)) | 1
+            for a, least, most in ((unit * reach, 121, MOST[0]), (half, 9, MOST[1]))
+        )
+        run = max(POINTS // (n_phi * n_s), 1)
+        for start in range(0, len(here), run):
+            at = here[start : start + run]
+            gap, phi, s = _search(height, wheels.take(at), reach, half, n_phi, n_s, round_)
+            out.gap[at], out.phi[at], out.s[at] = gap, phi, s
+    return out
+
+
+def _search(
+    height: Height, w: oracle.Wheels, reach: float, half: float, n_phi: int, n_s: int, round_: bool
+) -> tuple[Array, Array, Array]:
+    """Return gap, φ and s (m, MINIMA) of treads of one size, from an n_phi × n_s grid each."""
+    m = len(w.radius)
+    middle = np.arctan2(w.X[:, 2], w.Z[:, 2]) if round_ else np.zeros(m)  # the lowest point of the rim
+    a, b = np.linspace(-reach, reach, n_phi), np.linspace(-half, half, n_s) if n_s > 1 else np.zeros(1)
+    phi, s = (middle[:, None, None] + a[:, None]) + 0 * b, np.zeros((m, n_phi, 1)) + b
+    f = over(height, w, phi, s)
+    f = np.where(np.isnan(f), np.inf, f)
+    padded = np.pad(f, ((0, 0), (1, 1), (1, 1)), constant_values=np.inf)
+    least = np.isfinite(f)
+    for dj in (0, 1, 2):
+        for di in (0, 1, 2):
+            if (dj, di) != (1, 1):
+                least &= f <= padded[:, dj : dj + n_phi, di : di + n_s]
+    kept = np.where(least, f, np.inf).reshape(m, -1)
+    k = min(MINIMA, kept.shape[1])
+    order = np.argpartition(kept, k - 1, axis=1)[:, :k] if k < kept.shape[1] else np.argsort(kept, axis=1)
+    gap, cp, cs = (np.take_along_axis(v.reshape(m, -1), order, 1) for v in (kept, phi, s))
+    dp, ds = (a[1] - a[0]) if n_phi > 1 else 0.0, (b[1] - b[0]) if n_s > 1 else 0.0
+    u, v = (g.ravel() for g in np.meshgrid(np.linspace(-1, 1, FINE if dp else 1), np.linspace(-1, 1, FINE if ds else 1)))
+    low, high = (middle[:, None, None] - reach, middle[:, None, None] + reach) if not round_ else (-np.inf, np.inf)
+    for _ in range(ZOOMS):
+        gp, gs = np.clip(cp[..., None] + dp * u, low, high), np.clip(cs[..., None] + ds * v, -half, half)
+        f = over(height, w, gp, gs)
+        f = np.where(np.isnan(f), np.inf, f)
+        best = f.argmin(axis=-1)[..., None]
+        found, at_phi, at_s = (np.take_along_axis(g, best, -1)[..., 0] for g in (f, gp, gs))
+        better = (found < gap) & np.isfinite(gap)
+        gap, cp, cs = np.where(better, found, gap), np.where(better, at_phi, cp), np.where(better, at_s, cs)
+        dp, ds = dp / SHRINK, ds / SHRINK
+    order = np.argsort(gap, axis=1)
+    out = [np.take_along_axis(g, order, 1) for g in (gap, cp, cs)]
+    if k < MINIMA:
+        out = [np.pad(g, ((0, 0), (0, MINIMA - k)), constant_values=c) for g, c in zip(out, (np.inf, 0.0, 0.0), strict=True)]
+    return out[0], out[1], out[2]
+
+
+def over(height: Height, w: oracle.Wheels, phi: Array, s: Array) -> Array:
+    """Return the height over ground of tread points (φ, s) (m, ...), m."""
+    tail = (slice(None),) + (None,) * (phi.ndim - 1)
+    if isinstance(w, oracle.Faces):
+        p = [w.hub[:, k][tail] + phi * w.X[:, k][tail] + s * w.Y[:, k][tail] for k in range(3)]
+    else:
+        sin, cos, r = np.sin(phi), np.cos(phi), w.radius[tail]
+        p = [w.hub[:, k][tail] + s * w.Y[:, k][tail] - r * (sin * w.X[:, k][tail] + cos * w.Z[:, k][tail]) for k in range(3)]
+    return np.asarray(p[2] - height(p[0], p[1]))
+
+
+def tread_minima(pose: rb.Pose, per_cell: float = PER_CELL) -> Minima:
+    """Return the local minima (6 n, MINIMA) of every tread of poses (n,)."""
+    wheels = oracle.stand(pose.rover, pose.x, pose.y, pose.yaw, pose.q, pose.steering)
+    return local_minima(pose.terrain.height, wheels, min(pose.terrain.spacing), per_cell)
+
+
+def least_gap(pose: rb.Pose, per_cell: float = PER_CELL) -> Array:
+    """Return an upper bound of each gap (n, 6) of poses (n,), m."""
+    return tread_minima(pose, per_cell).gap[:, 0].reshape(-1, 6)
+
+
+def least_clearance(pose: rb.Pose, per_cell: float = PER_CELL) -> Array:
+    """Return an upper bound of the clearance (n,) of poses (n,), m."""
+    faces = oracle.box(pose.rover, pose.x, pose.y, pose.yaw, pose.q)
+    return local_minima(pose.terrain.height, faces, min(pose.terrain.spacing), per_cell).gap[:, 0].reshape(-1, 3).min(axis=1)
+
+
+def contact_count(pose: rb.Pose, keep: float = 1e-6, per_cell: float = PER_CELL) -> NDArray[np.int64]:
+    """Return the number (n, 6) of separate places of each tread within `keep` of the ground; −1 where it is ambiguous.
+
+    Two minima are one place if every point of the straight line between them in (φ, s) is within `keep`. A tread is
+    ambiguous if a minimum or the highest point of such a line lies between keep / 4 and 4 keep, if two separate minima
+    are nearer than 1 % of the radius, or if all MINIMA refined minima are within 4 keep.
+    """
+    wheels = oracle.stand(pose.rover, pose.x, pose.y, pose.yaw, pose.q, pose.steering)
+    found = local_minima(pose.terrain.height, wheels, min(pose.terrain.spacing), per_cell)
+    out = np.zeros(len(wheels.radius), dtype=np.int64)
+    t = np.linspace(0, 1, 401)
+    for k in range(len(out)):
+        gap, w = found.gap[k], wheels.take([k])
+        near = np.flatnonzero(gap < 4 * keep)
+        vague = len(near) == MINIMA or (gap[near] > keep / 4).any()
+        at = np.stack([found.phi[k, near], found.s[k, near]], -1)
+        label = np.arange(len(near))
+        for i in range(len(near)):
+            for j in range(i):
+                line = at[i] + t[:, None] * (at[j] - at[i])
+                top = over(pose.terrain.height, w, line[None, :, 0], line[None, :, 1]).max()
+                apart = abs(at[i] - at[j]) @ [w.radius[0], 1.0]
+                vague |= bool(keep / 4 < top < 4 * keep) or (top >= 4 * keep and apart < 0.01 * w.radius[0])
+                if top <= keep:
+                    label[label == label[i]] = label[j]
+        out[k] = -1 if vague else len(set(label.tolist()))
+    return out.reshape(-1, 6)
