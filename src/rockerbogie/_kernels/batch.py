@@ -231,7 +231,7 @@ def clearance_batch(
         if not math.isnan(q[k, Z]):
             body_axes(q[k, ROLL], q[k, PITCH], math.cos(yaw[k]), math.sin(yaw[k]), axes)
             px, py, pz = x[k] - meta[META_X], y[k] - meta[META_Y], q[k, Z] - meta[META_Z]
-            count = box_over_ground(land, box, axes, px, py, pz, 0.0, near)
-            if count > 0:
+            code, count = box_over_ground(land, box, axes, px, py, pz, 0.0, near)
+            if code == FOUND:
                 out[k] = least_clearance(near, count)
     axes_buffer[0, 0] = near_buffer[0, 0] = 0.0  # their last use

@@ -94,10 +94,23 @@ def move(q: Array, step: Array) -> None:
 
 @inlined
 def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, work: Work) -> int:
-    """Newton on the six gaps from q, each over the whole tread; work.touch holds where they are.
+    """Solve for six zero gaps by Newton's method from q, each gap over the whole tread.
 
     The contact is found anew at every step, so the gap's slope is that of the touching point alone (the envelope
-    theorem), and the steps converge as fast as Newton's. FOUND, OFF, BLANK, or -1 where it does not settle.
+    theorem), and the steps converge as fast as Newton's. Missing data and the map's edge are passed over on the way: only
+    the pose found must have known terrain under its treads.
+
+    Args:
+        ground: terrain.
+        rover: packed rover (linkage.py).
+        x, y: m, the body's reference point from the map's first node.
+        cy, sy: cos and sin of the heading.
+        q: (6,) z, roll, pitch, rocker, bogies; start on entry, pose on return.
+        work: scratch; work.touch holds the contacts.
+
+    Returns:
+        FOUND, OFF or BLANK (the pose found has a tread over the map's edge or missing data, or a wheel had no known terrain at
+        all under it), or -1 if Newton did not converge.
     """
     grid, _, meta = ground
     axes, knees, wheels, rows, step, touch = work.axes, work.knees, work.wheels, work.rows, work.step, work.touch
@@ -106,15 +119,20 @@ def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: floa
         if not stand(rover, work.feet, x, y, cy, sy, q, axes, knees, wheels):
             return -1
         worst = 0.0
+        astray = FOUND
         for i in range(6):
             t = touch[i]
             code, _ = least_gap(ground, wheels[i], t[SIN], t[COSINE], t[PLACE], whole, -math.inf, t, work.none)
             if code != FOUND:
-                return code
+                if not whole:
+                    code, _ = least_gap(ground, wheels[i], t[SIN], t[COSINE], t[PLACE], True, -math.inf, t, work.none)
+                if t[GAP] == math.inf:
+                    return code
+                astray = code if code != FOUND else astray
             worst = max(worst, abs(t[GAP]))
         if worst < TOLERANCE:
             if whole:
-                return FOUND
+                return astray
             whole = True  # settled on the contacts followed: is there a lower one anywhere on the treads?
             continue
         whole = it >= FOLLOWED or worst < NEARLY

@@ -11,8 +11,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .flat_cell import HAIR, HALVES, ends_of, rim_over_cell
-from .ground import META_DX, META_DY, surface
+from .flat_cell import HAIR, HALVES, TIE, ends_of, rim_over_cell
+from .ground import META_BEND, META_DX, META_DY, surface
 from .jit import inlined, njit
 from .wheel import (
     AX,
@@ -46,6 +46,8 @@ Array = NDArray[np.float64]
 XX, XY, YY = 0, 2, 4
 XXX, XXY, XYY, YYY = range(6, 10)
 BENDS_SIZE = 10
+FLAT = 1e-9  # 1/m: curvature less concave than this makes no minimum inside a tread that its rims do not have, within 1e-9 m
+FINEST = 20  # times a part is quartered
 
 
 @njit
@@ -65,9 +67,7 @@ def cell_bends(grid: Array, i: int, j: int, dx: float, dy: float, bends: Array) 
                 second = c - 2.0 * grid[row, col + 1] + grid[row, col + 2]
                 bends[XX], bends[XX + 1] = min(bends[XX], second), max(bends[XX + 1], second)
                 if n == 0:
-                    bends[XXX] = max(
-                        bends[XXX], abs(grid[row, col + 3] - grid[row, col + 2] + grid[row, col + 1] - c - second - second)
-                    )
+                    bends[XXX] = max(bends[XXX], abs(grid[row, col + 3] - c + 3.0 * (grid[row, col + 1] - grid[row, col + 2])))
                 if m < 3:
                     above = grid[row + 1, col] - 2.0 * grid[row + 1, col + 1] + grid[row + 1, col + 2]
                     bends[XXY] = max(bends[XXY], abs(above - second))
@@ -75,9 +75,7 @@ def cell_bends(grid: Array, i: int, j: int, dx: float, dy: float, bends: Array) 
                 second = c - 2.0 * grid[row + 1, col] + grid[row + 2, col]
                 bends[YY], bends[YY + 1] = min(bends[YY], second), max(bends[YY + 1], second)
                 if m == 0:
-                    bends[YYY] = max(
-                        bends[YYY], abs(grid[row + 3, col] - grid[row + 2, col] + grid[row + 1, col] - c - second - second)
-                    )
+                    bends[YYY] = max(bends[YYY], abs(grid[row + 3, col] - c + 3.0 * (grid[row + 1, col] - grid[row + 2, col])))
                 if n < 3:
                     beside = grid[row, col + 1] - 2.0 * grid[row + 1, col + 1] + grid[row + 2, col + 1]
                     bends[XYY] = max(bends[XYY], abs(beside - second))
@@ -106,7 +104,9 @@ def search_curved_cell(
         return -1
     half = w[HALF]
     if half > 0.0:
-        count = _inside(grid, meta, w, bends, x0, x1, y0, y1, best, keep, found, count)
+        count = _inside(grid, meta, w, bends, 1.0, x0, x1, y0, y1, best, keep, found, count)
+        if not _upper_is_clear(grid, meta, w, -half if w[AZ] > 0.0 else half, i, j, max(best[GAP] - TIE, keep)):
+            count = _inside(grid, meta, w, bends, -1.0, x0, x1, y0, y1, best, keep, found, count)
     across = 0.5 * (x0 + x1) * w[VX] + 0.5 * (y0 + y1) * w[VY]
     near = 0.5 * ((x1 - x0) * abs(w[VX]) + (y1 - y0) * abs(w[VY])) + w[RADIUS] * abs(w[AZ]) + HAIR * (x1 - x0 + y1 - y0)
     for side in range(2 if half > 0.0 else 1):
@@ -161,7 +161,7 @@ def _least_bend(w: Array, bends: Array, gx: float, gy: float, a: float, b: float
     """
     r = w[RADIUS]
     ca, cb, sa, sb = math.cos(a), math.cos(b), math.sin(a), math.sin(b)
-    top_cos = 1.0 if a <= 0.0 <= b else max(abs(ca), abs(cb))
+    top_cos = 1.0 if a <= 0.0 <= b or a <= math.pi <= b else max(abs(ca), abs(cb))
     tx, ty = abs(w[EX]) * top_cos + abs(w[UX]), abs(w[EY]) * top_cos + abs(w[UY])
     twist = max(abs(bends[XY]), abs(bends[XY + 1]))
     hollow = max(bends[XX + 1], 0.0) * tx * tx + 2.0 * twist * tx * ty + max(bends[YY + 1], 0.0) * ty * ty
@@ -196,7 +196,7 @@ def _arc(
             count = note(w, best, fa, math.sin(a), math.cos(a), s, keep, found, count)
         elif up <= 0.0:
             count = note(w, best, fb, math.sin(b), math.cos(b), s, keep, found, count)
-        elif fa + down * (fb - fa - up * length) / (down - up) < max(best[GAP], keep):
+        elif fa + down * (fb - fa - up * length) / (down - up) < max(best[GAP] - TIE, keep):
             if bend > 0.0:
                 count = _hollow_arc(grid, meta, w, s, a, b, ga, gb, best, keep, found, count)
             elif length > 1e-7:
@@ -236,20 +236,38 @@ def _hollow_arc(
 
 @njit
 def _inside(
-    grid: Array, meta: Array, w: Array, bends: Array, x0: float, x1: float, y0: float, y1: float,
+    grid: Array, meta: Array, w: Array, bends: Array, side: float, x0: float, x1: float, y0: float, y1: float,
     best: Array, keep: float, found: Array, count: int,
 ) -> int:  # fmt: skip
-    """Least places of T - h inside a cubic cell.
+    """Note the local minima of T - h inside the tread, over a part of a cubic cell.
 
-    There the ground must be hollow from above along the axle, h_vv < 0. The cell is quartered until a part has none
-    such, lies under no tread, is proved to stay above what is sought, or T - h is hollow all over it: then Newton.
+    Over (u, v) the tread's lower (side 1) or upper half (side -1) stands at T = z_hub + v tan τ - side sqrt(r² - u²) / cos τ. A
+    local minimum needs h_vv <= 0, and h_uu <= T_uu. The part is quartered until a quarter fails one of the necessary conditions
+    (curvature, slope), lies under no tread, has a lower bound that is not below what is sought, or until T - h is proved convex
+    over it: then Newton finds the one minimum. docs/design.md derives the bounds.
+
+    Args:
+        grid, meta: cubic terrain (ground.py).
+        w: (WHEEL_SIZE,) wheel.
+        bends: (BENDS_SIZE,) bounds on the cell's derivatives (`cell_bends`).
+        side: 1 for the tread's lower half, -1 for its upper half.
+        x0, x1, y0, y1: the part, m from the hub; it lies in one cell.
+        best, keep, found, count: as `note` takes them.
+
+    Returns:
+        count, with the minima kept.
     """
     r, half = w[RADIUS], w[HALF]
     vx, vy, ex, ey = w[VX], w[VY], w[EX], w[EY]
+    lean = side * w[AZ]
     xx, xy, yy = vx * vx, 2.0 * vx * vy, vy * vy
     across = bends[XX] * xx + min(bends[XY] * xy, bends[XY + 1] * xy) + bends[YY] * yy
-    if across > -1e-9:
+    if across > -FLAT:
         return count
+    if side < 0.0:  # T is concave along the wheel, by 1 / (r cos τ) at least: the ground must be more so
+        wheelward = bends[XX] * ex * ex + min(2.0 * bends[XY] * ex * ey, 2.0 * bends[XY + 1] * ex * ey) + bends[YY] * ey * ey
+        if wheelward * r * w[COS] > -1.0:
+            return count
     level, i, j = 0, 0, 0
     rx, ry = 0.5 * (x1 - x0), 0.5 * (y1 - y0)
     while True:
@@ -259,8 +277,8 @@ def _inside(
         split = False
         q_far = math.sqrt(max(r * r - max(abs(u) - ru, 0.0) ** 2, 0.0))
         q_near = math.sqrt(max(r * r - (abs(u) + ru) ** 2, 0.0))
-        low_s = v - rv - max(q_far * w[AZ], q_near * w[AZ])
-        high_s = v + rv - min(q_far * w[AZ], q_near * w[AZ])
+        low_s = v - rv - max(q_far * lean, q_near * lean)
+        high_s = v + rv - min(q_far * lean, q_near * lean)
         if abs(u) - ru < r and low_s < half * w[COS] and high_s > -half * w[COS]:
             h, gx, gy, hxx, hxy, hyy = surface(grid, meta, w[HX] + x, w[HY] + y)
             dxx, dxy, dyy = (
@@ -279,22 +297,33 @@ def _inside(
             )
             h_u, h_v = gx * ex + gy * ey, gx * vx + gy * vy
             level_v = abs(w[TAN] - h_v) <= (abs(h_vv) + d_vv) * rv + (abs(h_uv) + d_uv) * ru
-            if h_vv - d_vv < -1e-9 and level_v:
+            if h_vv - d_vv < -FLAT and level_v:
                 rise = (abs(h_uu) + d_uu) * ru + (abs(h_uv) + d_uv) * rv
-                falls = _bowl_slope(w, u - ru) - h_u - rise <= 0.0 <= _bowl_slope(w, u + ru) - h_u + rise
-                ut = min(max(u, -0.98 * r), 0.98 * r)
-                q, lu = math.sqrt(r * r - ut * ut), _bowl_slope(w, ut)
+                if side > 0.0:
+                    falls = _bowl_slope(w, u - ru) - h_u - rise <= 0.0 <= _bowl_slope(w, u + ru) - h_u + rise
+                    ut = min(max(u, -0.98 * r), 0.98 * r)  # a tangent of T at ut lies nowhere above it
+                    lu = _bowl_slope(w, ut)
+                    low = lu * (u - ut) - math.sqrt(r * r - ut * ut) / w[COS]
+                    f_uu = r * r / (q_far * q_far * q_far * w[COS]) - h_uu - d_uu
+                else:
+                    falls = -_bowl_slope(w, u + ru) - h_u - rise <= 0.0 <= -_bowl_slope(w, u - ru) - h_u + rise
+                    lu = 0.0
+                    low = q_near / w[COS]
+                    f_uu = -r * r / (q_near * q_near * q_near * w[COS]) - h_uu - d_uu if q_near > 0.0 else -math.inf
                 slope_x, slope_y = lu * ex + w[TAN] * vx - gx, lu * ey + w[TAN] * vy - gy
                 bent = 0.5 * max(hxx + dxx, 0.0) * rx * rx + (abs(hxy) + dxy) * rx * ry + 0.5 * max(hyy + dyy, 0.0) * ry * ry
-                low = w[HZ] - q / w[COS] + lu * (u - ut) + v * w[TAN] - h - abs(slope_x) * rx - abs(slope_y) * ry - bent
-                if falls and low < max(best[GAP], keep):
-                    f_uu, f_vv, f_uv = r * r / (q_far * q_far * q_far * w[COS]) - h_uu - d_uu, -h_vv - d_vv, abs(h_uv) + d_uv
+                low += w[HZ] + v * w[TAN] - h - abs(slope_x) * rx - abs(slope_y) * ry - bent
+                if falls and low < max(best[GAP] - TIE, keep):
+                    f_vv, f_uv = -h_vv - d_vv, abs(h_uv) + d_uv
+                    kept = -1
                     if f_uu > 0.0 and f_vv > 0.0 and f_uu * f_vv > f_uv * f_uv:
-                        count = _hollow_box(grid, meta, w, x, y, rx, ry, best, keep, found, count)
-                    elif level < 20:
+                        kept = _convex_part(grid, meta, w, side, x, y, rx, ry, best, keep, found, count)
+                    if kept >= 0:
+                        count = kept
+                    elif level < FINEST:
                         split = True
                     elif abs(u) < r:
-                        count = _note_inside(w, u, v, h, best, keep, found, count)
+                        count = _note_inside(w, side, u, v, h, best, keep, found, count)
         if split:
             level, i, j = level + 1, 2 * i, 2 * j
             rx, ry = 0.5 * rx, 0.5 * ry
@@ -312,48 +341,112 @@ def _inside(
 
 @inlined
 def _bowl_slope(w: Array, u: float) -> float:
-    """T_u: without bound at the tread's ends."""
+    """Return T_u of the tread's lower half at u; infinite at the tread's ends.
+
+    Args:
+        w: (WHEEL_SIZE,) wheel.
+        u: m from the hub along e1.
+
+    Returns:
+        Slope; the upper half's is its negative.
+    """
     room = w[RADIUS] * w[RADIUS] - u * u
     return u / (math.sqrt(room) * w[COS]) if room > 0.0 else math.copysign(math.inf, u)
 
 
 @njit
-def _hollow_box(
-    grid: Array, meta: Array, w: Array, xm: float, ym: float, rx: float, ry: float,
+def _convex_part(
+    grid: Array, meta: Array, w: Array, side: float, xm: float, ym: float, rx: float, ry: float,
     best: Array, keep: float, found: Array, count: int,
 ) -> int:  # fmt: skip
-    """The least place of T - h where it is hollow, within rx, ry of (xm, ym): Newton, kept inside."""
+    """Note the minimum of T - h over a part where it is convex, if it lies in the part and on the tread.
+
+    Newton's method with the part's sides as bounds: a coordinate is held at its side while the function falls outwards there. A
+    minimum held at a side belongs to the part beyond it, or to an edge of the search.
+
+    Args:
+        grid, meta: cubic terrain.
+        w: (WHEEL_SIZE,) wheel.
+        side: 1 for the tread's lower half, -1 for its upper half.
+        xm, ym, rx, ry: middle and half sizes of the part, m from the hub.
+        best, keep, found, count: as `note` takes them.
+
+    Returns:
+        count, or -1 if Newton did not converge: the part is to be quartered.
+    """
     r = w[RADIUS]
     x, y = xm, ym
     rim = 0.999999 * r
-    for _ in range(50):
-        u, v = min(max(x * w[EX] + y * w[EY], -rim), rim), x * w[VX] + y * w[VY]
-        x, y = u * w[EX] + v * w[VX], u * w[EY] + v * w[VY]
+    for _ in range(30):
+        u, v = x * w[EX] + y * w[EY], x * w[VX] + y * w[VY]
+        if abs(u) > rim:  # the middle of the part lies beyond the tread: begin on it
+            u = math.copysign(rim, u)
+            x, y = u * w[EX] + v * w[VX], u * w[EY] + v * w[VY]
         h, gx, gy, hxx, hxy, hyy = surface(grid, meta, w[HX] + x, w[HY] + y)
         q = math.sqrt(r * r - u * u)
-        fu = u / (q * w[COS]) - gx * w[EX] - gy * w[EY]
-        fv = w[TAN] - gx * w[VX] - gy * w[VY]
-        fuu = r * r / (q * q * q * w[COS]) - hxx * w[EX] * w[EX] - 2.0 * hxy * w[EX] * w[EY] - hyy * w[EY] * w[EY]
-        fuv = -hxx * w[EX] * w[VX] - hxy * (w[EX] * w[VY] + w[EY] * w[VX]) - hyy * w[EY] * w[VY]
-        fvv = -hxx * w[VX] * w[VX] - 2.0 * hxy * w[VX] * w[VY] - hyy * w[VY] * w[VY]
-        det = fuu * fvv - fuv * fuv
-        if not det > 0.0:
-            return count
-        du, dv = (fuv * fv - fvv * fu) / det, (fuv * fu - fuu * fv) / det
-        new_x = min(max(x + du * w[EX] + dv * w[VX], xm - rx), xm + rx)
-        new_y = min(max(y + du * w[EY] + dv * w[VY], ym - ry), ym + ry)
-        moved = abs(new_x - x) + abs(new_y - y)
+        t_u, t_uu = side * u / (q * w[COS]), side * r * r / (q * q * q * w[COS])
+        fx, fy = t_u * w[EX] + w[TAN] * w[VX] - gx, t_u * w[EY] + w[TAN] * w[VY] - gy
+        fxx, fxy, fyy = t_uu * w[EX] * w[EX] - hxx, t_uu * w[EX] * w[EY] - hxy, t_uu * w[EY] * w[EY] - hyy
+        step_x, step_y, held = bounded_step(x - xm, y - ym, rx, ry, fx, fy, fxx, fxy, fyy)
+        if held < 0:
+            return -1
+        if abs(step_x) + abs(step_y) < 1e-10:
+            return count if held > 0 else _note_inside(w, side, u, v, h, best, keep, found, count)
+        new_x, new_y = min(max(x + step_x, xm - rx), xm + rx), min(max(y + step_y, ym - ry), ym + ry)
+        new_u = new_x * w[EX] + new_y * w[EY]
+        if abs(new_u) > rim:  # towards the tread's end no more than half of what is left
+            share = (0.5 * (math.copysign(r, new_u) + u) - u) / (new_u - u)
+            new_x, new_y = x + share * (new_x - x), y + share * (new_y - y)
         x, y = new_x, new_y
-        if moved < 1e-10:
-            return _note_inside(w, u, v, h, best, keep, found, count)
-    return count
+    return -1
 
 
 @inlined
-def _note_inside(w: Array, u: float, v: float, h: float, best: Array, keep: float, found: Array, count: int) -> int:
-    """Note the tread's point over (u, v), if it is one."""
+def bounded_step(
+    x: float, y: float, rx: float, ry: float, fx: float, fy: float, fxx: float, fxy: float, fyy: float
+) -> tuple[float, float, int]:
+    """Return Newton's step to the minimum of a function that is convex on |x| <= rx, |y| <= ry.
+
+    A coordinate at its bound stays there while the function falls outwards.
+
+    Args:
+        x, y: m, the point.
+        rx, ry: m, the bounds.
+        fx, fy, fxx, fxy, fyy: gradient and Hessian there.
+
+    Returns:
+        The step in x and y, not bounded, and how many coordinates are held at a bound; -1 if the Hessian is not positive.
+    """
+    hold_x = (x >= rx and fx <= 0.0) or (x <= -rx and fx >= 0.0)
+    hold_y = (y >= ry and fy <= 0.0) or (y <= -ry and fy >= 0.0)
+    det = fxx * fyy - fxy * fxy
+    if not (det > 0.0 and fxx > 0.0):
+        return 0.0, 0.0, -1
+    if hold_x and hold_y:
+        return 0.0, 0.0, 2
+    if hold_x:
+        return 0.0, -fy / fyy, 1
+    if hold_y:
+        return -fx / fxx, 0.0, 1
+    return (fxy * fy - fyy * fx) / det, (fxy * fx - fxx * fy) / det, 0
+
+
+@inlined
+def _note_inside(w: Array, side: float, u: float, v: float, h: float, best: Array, keep: float, found: Array, count: int) -> int:
+    """Note the tread's point over (u, v), if there is one.
+
+    Args:
+        w: (WHEEL_SIZE,) wheel.
+        side: 1 for the tread's lower half, -1 for its upper half.
+        u, v: m from the hub along e1 and the axle's level direction.
+        h: height of the terrain there, m.
+        best, keep, found, count: as `note` takes them.
+
+    Returns:
+        count, with the point if it was kept.
+    """
     r = w[RADIUS]
-    q = math.sqrt(r * r - u * u)
+    q = side * math.sqrt(r * r - u * u)
     s = (v - q * w[AZ]) / w[COS]
     if abs(s) <= w[HALF]:
         count = note(w, best, w[HZ] + v * w[TAN] - q / w[COS] - h, u / r, q / r, s, keep, found, count)
@@ -362,9 +455,22 @@ def _note_inside(w: Array, u: float, v: float, h: float, best: Array, keep: floa
 
 @njit
 def follow_smooth(grid: Array, meta: Array, w: Array, sine: float, cosine: float, best: Array) -> bool:
-    """The least gap of a thin disc on ground that bends less than its rim does: its height over the ground then has one
-    hollow, found by Newton from anywhere. False if Newton strays (a rim far from the ground): search for it instead."""
+    """Fill `best` with the least gap of a thin disc, on terrain of less curvature than the disc, by Newton.
+
+    The rim has one local minimum, in its lower half, if e3z - grad h · e3xy > r B at each of its points, B the greatest curvature
+    of the map (docs/design.md). Around the rim grad h · e3xy changes by at most 2 r B |az|: the slope at the contact decides.
+
+    Args:
+        grid, meta: cubic terrain.
+        w: (WHEEL_SIZE,) wheel of half width 0.
+        sine, cosine: sin φ, cos φ to start from.
+        best: (PLACE_SIZE,) filled with gap, sin φ, cos φ and s = 0.
+
+    Returns:
+        False if the condition does not hold or Newton does not converge: search instead.
+    """
     r = w[RADIUS]
+    sharp = r * meta[META_BEND]
     for _ in range(20):
         tx, ty, tz = r * (cosine * w[EX] + sine * w[UX]), r * (cosine * w[EY] + sine * w[UY]), r * sine * w[UZ]
         nx, ny, nz = r * (-sine * w[EX] + cosine * w[UX]), r * (-sine * w[EY] + cosine * w[UY]), r * cosine * w[UZ]
@@ -378,7 +484,7 @@ def follow_smooth(grid: Array, meta: Array, w: Array, sine: float, cosine: float
             best[GAP] = w[HZ] - nz - h + 0.5 * slope * step
             size = math.sqrt(1.0 + step * step)
             best[SIN], best[COSINE], best[PLACE] = (sine + cosine * step) / size, (cosine - sine * step) / size, 0.0
-            return cosine > 0.0
+            return cosine > 0.0 and w[UZ] - gx * w[UX] - gy * w[UY] > sharp * (1.0 + 2.0 * abs(w[AZ]))
         step = min(max(step, -0.5), 0.5)
         size = math.sqrt(1.0 + step * step)
         sine, cosine = (sine + cosine * step) / size, (cosine - sine * step) / size

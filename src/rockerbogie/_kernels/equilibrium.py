@@ -70,14 +70,14 @@ def settle_equilibrium(
     old_pull, pull, moved, bearing = np.empty(6), np.empty(6), np.empty(6), np.empty(7)
     report[:] = math.nan
     code, count = let_down(ground, rover, x, y, cy, sy, q, work, gap, rows, owner, n, b)
-    if code != FOUND:
+    if count < 0:
         q[:] = math.nan
         return NO_DATA if code == BLANK else (OFF_MAP if code > 0 else TIPPED)
     stand(rover, feet, x, y, cy, sy, q, axes, knees, work.wheels)
     height = q[Z] + centre_of_mass(rover, feet, q, cy, sy, axes, knees, slope)
     forget(bend)
     trust = TRUST
-    barred = FOUND  # whether unknown ground stood in the way
+    astray, barred = code, FOUND  # missing data or the map's edge under the pose; whether it stopped a step
     cut_gap, cut_rows, cut_owner = np.empty(CUTS), np.empty((CUTS, 6)), np.empty(CUTS, np.int64)
     listed, cuts, far = count, 0, 0.0
     for _ in range(MOST):
@@ -106,6 +106,9 @@ def settle_equilibrium(
             arrived = False
         if arrived:
             if bear(rover, q, slope, gap, rows, count, inverse, n, b, d, force) < STILL:
+                if astray != FOUND:
+                    q[:] = report[:] = math.nan
+                    return NO_DATA if astray == BLANK else OFF_MAP
                 return judge(rover, q, gap, owner, force, count, report)
             # no: kinks took for sharp curvature have brought it to a halt. On, with nothing learnt
             forget(bend)
@@ -123,14 +126,15 @@ def settle_equilibrium(
             bearing[j] = 0.0
         for j in range(count):
             bearing[owner[j]] += force[j]
-        code, _ = touch_down(ground, rover, x, y, cy, sy, trial, False, work, gap, rows, owner)
-        if code != FOUND:
+        code, m = touch_down(ground, rover, x, y, cy, sy, trial, False, work, gap, rows, owner)
+        stands = m >= 0
+        if not stands:
             barred = code
         else:
             new = trial[Z] + centre_of_mass(rover, feet, trial, cy, sy, axes, knees, pull)
-        if code != FOUND or not new < low_before - 1e-4 * promise + 1e-15:
+        if not stands or not new < low_before - 1e-4 * promise + 1e-15:
             before = cuts
-            if code == FOUND:  # what it ran into joins the programme: past a kink another slope of the same wheel holds it
+            if stands:  # what it ran into joins the programme: past a kink another slope of the same wheel holds it
                 lift = q[Z] + d[Z] - trial[Z]
                 _, m = touch_down(ground, rover, x, y, cy, sy, trial, True, work, gap, rows, owner)
                 for k in range(m):
@@ -161,7 +165,7 @@ def settle_equilibrium(
         if max(abs(q[ROLL]), abs(q[PITCH])) > FALLEN:
             q[:] = math.nan
             return TIPPED
-        code, count = touch_down(ground, rover, x, y, cy, sy, q, True, work, gap, rows, owner)
+        astray, count = touch_down(ground, rover, x, y, cy, sy, q, True, work, gap, rows, owner)
         height = q[Z] + centre_of_mass(rover, feet, q, cy, sy, axes, knees, slope)
         listed, cuts, far = count, 0, 0.0
         for k in range(6):

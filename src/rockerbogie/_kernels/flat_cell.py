@@ -191,14 +191,8 @@ def _rim(
         n = rim_over_cell(w, s, x0, x1, y0, y1, sign, ends)
         for i in range(n):
             at = HALVES + 2 * i
-            ls, lc, rs, rc = ends[at, 0], ends[at, 1], ends[at + 1, 0], ends[at + 1, 1]
-            ms, mc = middle(ls, lc, rs, rc, sign)
-            ps, pc = middle(ls, lc, ms, mc, sign)
-            count = _arc(w, s, ls, lc, ps, pc, best, keep, found, count)
-            count = _arc(w, s, ps, pc, ms, mc, best, keep, found, count)
-            ps, pc = middle(ms, mc, rs, rc, sign)
-            count = _arc(w, s, ms, mc, ps, pc, best, keep, found, count)
-            count = _arc(w, s, ps, pc, rs, rc, best, keep, found, count)
+            low, high = math.atan2(ends[at, 0], ends[at, 1]), math.atan2(ends[at + 1, 0], ends[at + 1, 1])
+            count = _arc(w, s, low, high if high >= low else high + 2.0 * math.pi, best, keep, found, count)
     return count
 
 
@@ -272,43 +266,99 @@ def _along(w: Array, s: float, sine: float, cosine: float) -> tuple[float, float
 
 
 @njit
-def _arc(
-    w: Array, s: float, ls: float, lc: float, rs: float, rc: float, best: Array, keep: float, found: Array, count: int
+def _arc(w: Array, s: float, low: float, high: float, best: Array, keep: float, found: Array, count: int) -> int:
+    """Note every local minimum that can matter of the rim's height f over the cell's terrain on low <= φ <= high.
+
+    f is a trigonometric polynomial of degree 2: f'' is a sinusoid of φ plus one of 2 φ, and the sum of their minima is a lower
+    bound. A piece is closed if f is proved monotonic on it, to stay above what is sought, or convex; else it is halved.
+
+    Args:
+        w: (WHEEL_SIZE,) wheel; CELL holds the cell's terrain.
+        s: m, place of the rim along the axle.
+        low, high: rad.
+        best, keep, found, count: as `note` takes them.
+
+    Returns:
+        count, with the minima kept.
+    """
+    r, c3 = w[RADIUS], w[CELL + 3]
+    gx, gy = w[CELL + 1] + c3 * s * w[AY], w[CELL + 2] + c3 * s * w[AX]
+    even, odd = r * (w[UZ] - gx * w[UX] - gy * w[UY]), r * (gx * w[EX] + gy * w[EY])
+    even2, odd2 = w[UX] * w[UY] - w[EX] * w[EY], -(w[EX] * w[UY] + w[EY] * w[UX])
+    even2, odd2 = 2.0 * c3 * r * r * even2, 2.0 * c3 * r * r * odd2
+    a, b = low, high
+    fa, ga, _ = _along(w, s, math.sin(a), math.cos(a))
+    while a < high:
+        fb, gb, _ = _along(w, s, math.sin(b), math.cos(b))
+        length = b - a
+        curvature = _least_of_wave(even, odd, a, b) + _least_of_wave(even2, odd2, 2.0 * a, 2.0 * b)
+        slack = 0.5 * max(-curvature, 0.0) * length
+        down, up = ga - slack, gb + slack  # slopes at a and b of f made convex: its tangents bound it from below
+        if down >= 0.0:
+            count = note(w, best, fa, math.sin(a), math.cos(a), s, keep, found, count)
+        elif up <= 0.0:
+            count = note(w, best, fb, math.sin(b), math.cos(b), s, keep, found, count)
+        elif fa + down * (fb - fa - up * length) / (down - up) < max(best[GAP] - TIE, keep):
+            if curvature > 0.0:
+                count = _convex_arc(w, s, a, b, ga, gb, best, keep, found, count)
+            elif length > 1e-7:
+                b = 0.5 * (a + b)
+                continue
+            else:
+                count = note(w, best, fa, math.sin(a), math.cos(a), s, keep, found, count)
+                count = note(w, best, fb, math.sin(b), math.cos(b), s, keep, found, count)
+        a, fa, ga = b, fb, gb
+        b = min(a + 2.0 * length, high)
+    return count
+
+
+@inlined
+def _least_of_wave(even: float, odd: float, a: float, b: float) -> float:
+    """Return the minimum of even cos φ + odd sin φ on a <= φ <= b.
+
+    Args:
+        even, odd: amplitudes.
+        a, b: rad.
+    """
+    trough = math.atan2(-odd, -even) - a
+    trough -= 2.0 * math.pi * math.floor(trough / (2.0 * math.pi))
+    if trough <= b - a:
+        return -math.sqrt(even * even + odd * odd)
+    return min(even * math.cos(a) + odd * math.sin(a), even * math.cos(b) + odd * math.sin(b))
+
+
+@njit
+def _convex_arc(
+    w: Array, s: float, a: float, b: float, ga: float, gb: float, best: Array, keep: float, found: Array, count: int
 ) -> int:
-    """The least place of a piece of the rim from (ls, lc) to (rs, rc), φ growing."""
-    fl, gl, _ = _along(w, s, ls, lc)
-    if gl >= 0.0:
-        count = note(w, best, fl, ls, lc, s, keep, found, count)
-    fr, gr, _ = _along(w, s, rs, rc)
-    if gr <= 0.0:
-        return note(w, best, fr, rs, rc, s, keep, found, count)
-    if gl >= 0.0:
-        return count
-    # between, by Newton: turning by the angle whose tangent is the step keeps the vector a unit one without a sine
-    t = gl / (gl - gr)
-    sine, cosine = ls + t * (rs - ls), lc + t * (rc - lc)
-    size = math.sqrt(sine * sine + cosine * cosine)
-    if not size > 1e-3:
-        sine, cosine, size = 0.0, 1.0 if rs > ls else -1.0, 1.0
-    sine, cosine = sine / size, cosine / size
+    """Note the minimum of an arc whose height over the cell's terrain falls at a, rises at b and is convex between.
+
+    Args:
+        w: (WHEEL_SIZE,) wheel; CELL holds the cell's terrain.
+        s: m, place of the rim along the axle.
+        a, b: rad, the arc.
+        ga, gb: m/rad, slopes at a and b.
+        best, keep, found, count: as `note` takes them.
+
+    Returns:
+        count, with the minimum if it was kept.
+    """
+    t = a - ga * (b - a) / (gb - ga)
     f = math.inf
-    for _ in range(60):
-        f, g, h = _along(w, s, sine, cosine)
+    for _ in range(80):
+        f, g, h = _along(w, s, math.sin(t), math.cos(t))
         if g < 0.0:
-            ls, lc = sine, cosine
+            a = t
         else:
-            rs, rc = sine, cosine
-        step = -g / h if h > 0.0 else math.inf
-        if abs(step) < 1e-9:
+            b = t
+        new = t - g / h if h > 0.0 else math.nan
+        if not (a <= new <= b):
+            new = 0.5 * (a + b)
+        done = abs(new - t) < 1e-9 or b - a < 1e-14
+        t = new
+        if done:
             break
-        size = math.sqrt(1.0 + step * step)
-        ns, nc = (sine + cosine * step) / size, (cosine - sine * step) / size
-        if not (ns * lc - nc * ls >= 0.0 and rs * nc - rc * ns >= 0.0 and step < 1e6):
-            ns, nc = middle(ls, lc, rs, rc, 1.0 if rs > ls else -1.0)
-            if abs(rs - ls) + abs(rc - lc) < 1e-14:
-                break
-        sine, cosine = ns, nc
-    return note(w, best, f, sine, cosine, s, keep, found, count)
+    return note(w, best, f, math.sin(t), math.cos(t), s, keep, found, count)
 
 
 @njit
@@ -369,11 +419,17 @@ def _inside(w: Array, x0: float, x1: float, y0: float, y1: float, best: Array, k
     # along it T - h falls and rises by  u / (q cos τ) + k1 + 2 k2 u
     k1 = v1 * w[TAN] - w[CELL + 1] * px - w[CELL + 2] * py - w[CELL + 3] * (px * my + py * mx)
     k2 = -w[CELL + 3] * px * py
-    pieces = 1 if k2 * r > -0.25 else 8
-    a = low
-    ga = a / (math.sqrt(r * r - a * a) * w[COS]) + k1 + 2.0 * k2 * a
-    for k in range(pieces):
-        b = low + (high - low) * (k + 1) / pieces
+    # its slope r² / (q³ cos τ) + 2 k2 is least at u = 0; if it is negative there, minima lie beyond two turning points only
+    fall, climb = high, high
+    if 2.0 * k2 * r * w[COS] < -1.0:
+        q = (-r * r / (2.0 * k2 * w[COS])) ** (1.0 / 3.0)
+        turn = math.sqrt(max(r * r - q * q, 0.0))
+        fall, climb = min(max(-turn, low), high), min(max(turn, low), high)
+    for piece in range(2):
+        a, b = (low, fall) if piece == 0 else (climb, high)
+        if not a < b:
+            continue
+        ga = a / (math.sqrt(r * r - a * a) * w[COS]) + k1 + 2.0 * k2 * a
         gb = b / (math.sqrt(r * r - b * b) * w[COS]) + k1 + 2.0 * k2 * b
         if ga < 0.0 <= gb:
             left, right = a, b
@@ -396,5 +452,4 @@ def _inside(w: Array, x0: float, x1: float, y0: float, y1: float, best: Array, k
             x, y = px * u + mx, py * u + my
             h = w[CELL] + w[CELL + 1] * x + w[CELL + 2] * y + w[CELL + 3] * x * y
             count = _inside_tread(w, 1.0, x, y, h, best, keep, found, count)
-        a, ga = b, gb
     return count

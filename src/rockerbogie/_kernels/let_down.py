@@ -17,7 +17,6 @@ from .linkage import BOGIE_L, P_BODY, P_BOGIE, P_KNEE, P_PIVOT, P_ROCKER, P_STOP
 from .mass import centre_of_mass
 from .near import touch_down
 from .quadratic import solve_qp
-from .tread import FOUND
 from .wheel import COSINE, PLACE, SIN
 from .work import Work
 
@@ -107,8 +106,8 @@ def let_down(
         at = P_STOPS if k == 0 else P_STOPS + 2
         q[ROCKER + k] = min(max(0.0, rover[at]), rover[at + 1])
     code, count = touch_down(ground, rover, x, y, cy, sy, q, True, work, gap, rows, owner)
-    if code != FOUND:
-        return code, 0
+    if count < 0:
+        return code, -1
     height = q[Z] + centre_of_mass(rover, feet, q, cy, sy, axes, knees, slope)
     drag(rover, feet, resist)
     size_of_rover = math.sqrt(resist[PITCH])
@@ -121,7 +120,7 @@ def let_down(
             for k in range(6):
                 inverse[k, k] = pace / resist[k]
             if not solve_qp(inverse, slope, n, b, m, d, force):
-                return FOUND, count
+                return code, count
             size = 0.0
             for k in range(1, 6):
                 size = max(size, abs(d[k]))
@@ -133,9 +132,9 @@ def let_down(
         for k in range(6):
             promise -= slope[k] * d[k]
             trial[k] = q[k] + d[k]
-        code, found = touch_down(ground, rover, x, y, cy, sy, trial, True, work, next_gap, next_rows, next_owner)
+        there, found = touch_down(ground, rover, x, y, cy, sy, trial, True, work, next_gap, next_rows, next_owner)
         fell = -math.inf
-        if code == FOUND:
+        if found >= 0:
             fell = height - trial[Z] - centre_of_mass(rover, feet, trial, cy, sy, axes, knees, next_slope)
         if not fell > 0.5 * promise:  # it met what it had not foreseen: look nearer by
             if size < SHORTEST:
@@ -143,11 +142,11 @@ def let_down(
             pace *= 0.25
             continue
         if max(abs(trial[ROLL]), abs(trial[PITCH])) > FALLEN:
-            return -1, 0
+            return -1, -1
         height -= fell
-        count = found
+        code, count = there, found
         q[:], slope[:] = trial, next_slope
         gap[:found], rows[:found], owner[:found] = next_gap[:found], next_rows[:found], next_owner[:found]
         if fell > 0.8 * promise:
             pace = min(2.0 * pace, longest)
-    return FOUND, count
+    return code, count

@@ -27,14 +27,32 @@ def touch_down(
     ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, full: bool, work: Work,
     gap: Array, rows: Array, owner: NDArray[np.int64],
 ) -> tuple[int, int]:  # fmt: skip
-    """Shift q's z so that the rover just touches, and list its near contacts: gap (n,), rows (n, 6), owner (n,) for
-    n = LISTED: the wheel, or 6 for the belly. Only the shift when not `full`. Returns a code and how many."""
+    """Shift q's z so that the rover just touches, and list its near contacts.
+
+    Missing data and the map's edge are passed over: only known terrain touches. The code tells whether there was any.
+
+    Args:
+        ground: terrain.
+        rover: packed rover (linkage.py).
+        x, y: m, the body's reference point from the map's first node.
+        cy, sy: cos and sin of the heading.
+        q: (6,) z, roll, pitch, rocker, bogies; z is changed.
+        full: if False only z is changed.
+        work: scratch; work.touch holds the contacts to start from.
+        gap: (LISTED,) filled with gaps, m.
+        rows: (LISTED, 6) filled with how each gap changes with q.
+        owner: (LISTED,) filled with the wheel, or 6 for the belly.
+
+    Returns:
+        FOUND, OFF or BLANK (part of a tread or of the box lies off the map or over missing data), and how many are listed;
+        -1 contacts if a wheel has no known terrain under it or lies on its side (code -1).
+    """
     best, found, axes, knees, wheels = work.best, work.found, work.axes, work.knees, work.wheels
     near = np.empty((NEAR_ROOM, NEAR_SIZE))
     grid, _, meta = ground
     if not stand(rover, work.feet, x, y, cy, sy, q, axes, knees, wheels):
-        return -1, 0
-    count = 0
+        return -1, -1
+    astray, count = FOUND, 0
     least = margin = math.inf
     for i in range(6):
         margin = min(margin, NEAR * rover[P_RADIUS + i])
@@ -42,8 +60,9 @@ def touch_down(
         w = wheels[i]
         t = work.touch[i]
         code, kept = least_gap(ground, w, t[SIN], t[COSINE], t[PLACE], True, -math.inf, best, work.none)
-        if code != FOUND:
-            return code, 0
+        if best[GAP] == math.inf:
+            return code, -1
+        astray = max(astray, code)
         least = min(least, best[GAP])
         if not full:
             continue
@@ -72,9 +91,8 @@ def touch_down(
                 same |= alike < 1e-9
             if not same:
                 count += 1
-    n = box_over_ground(ground, rover[P_BOX : P_BOX + 6], axes, x, y, q[Z], margin, near)
-    if n < 0:
-        return -n, 0
+    code, n = box_over_ground(ground, rover[P_BOX : P_BOX + 6], axes, x, y, q[Z], margin, near)
+    astray = max(astray, code)
     for k in range(n):
         least = min(least, near[k, N_GAP])
         if full:
@@ -99,4 +117,4 @@ def touch_down(
     q[Z] -= least
     for k in range(count):
         gap[k] -= least
-    return FOUND, count
+    return astray, count

@@ -150,6 +150,8 @@ def roll_contacts(S: Array, rover: Array, meta: Array) -> None:
     for i in range(6):
         radius, half = rover[P_RADIUS + i], rover[P_HALF + i]
         reach = radius + half
+        # a thin disc that is not proved afterwards must meet the condition of `follow_smooth`; others always do
+        sharp = radius * meta[META_BEND] if (half == 0.0) & (radius * meta[META_BEND] < SMOOTH) else -math.inf
         for l in range(LANES):
             k = i * LANES + l
             s, c, place = S[SINE + k], S[COSINE + k], S[PLACE + k]
@@ -188,7 +190,7 @@ def roll_contacts(S: Array, rover: Array, meta: Array) -> None:
             S[PLACE + k] = place + live * shift
             S[TURN + k] = abs(turn) + abs(shift) / reach
             x, y = S[X + l] + S[OX + k], S[Y + l] + S[OY + k]
-            good = (bend > 0.0) & (c > 0.0) & (abs(az) < LEAN)
+            good = (bend > 0.0) & (c > 0.0) & (abs(az) < LEAN) & (uz + az * (gx * vx + gy * vy) > sharp * (1.0 + 2.0 * abs(az)))
             good &= (x > reach) & (x < end_x - reach) & (y > reach) & (y < end_y - reach)
             S[ASTRAY + k] = live * (0.0 if good else 1.0) + (1.0 - live) * S[ASTRAY + k]
 

@@ -41,6 +41,7 @@ from .wheel import (
     UY,
     VX,
     VY,
+    covers,
     gap_at,
     tread_point,
 )  # fmt: skip
@@ -49,8 +50,7 @@ Array = NDArray[np.float64]
 
 ROOM = 12  # touching places kept of one wheel
 FOUND, OFF, BLANK = 0, 1, 2
-SMOOTH = 0.7  # ground whose bend times the wheel's radius is less touches a thin disc in one place only
-LEAN = 0.5  # as long as the wheel leans by no more than this (sine)
+SMOOTH = 0.7  # curvature of the map times wheel radius: below this a thin disc is followed by Newton (`follow_smooth`)
 
 
 @njit
@@ -161,29 +161,49 @@ def least_gap(
     best: Array,
     found: Array,
 ) -> tuple[int, int]:
-    """Search the whole tread of wheel `w`. (φ, s) is a first guess; it only saves time. Unless `whole`, only the guess's
-    cell is searched, and there what is like it: a contact is followed so between steps, to be proved in the end.
+    """Search the whole tread of a wheel for its least gap, or track a contact in its cell.
 
-    Fills `best` (PLACE_SIZE,) and `found` with the local minima of gap ≤ keep. Returns FOUND, OFF (the map ends under
-    the tread) or BLANK (unknown ground under it), and how many were kept.
+    A cell of missing data counts only if a point of the tread lies over its inside. The search then goes on over the known
+    cells, so that a solver can pass over missing data on its way.
+
+    Args:
+        ground: terrain.
+        w: (WHEEL_SIZE,) wheel.
+        sine, cosine, s: a first guess, which only saves time.
+        whole: search the whole tread; if False only the guess's cell and, there, what is like the guess.
+        keep: m, keep local minima of gap <= keep.
+        best: (PLACE_SIZE,) filled with the lowest place; its gap is infinite if no known cell lies under the tread.
+        found: (n, PLACE_SIZE) filled with the local minima kept.
+
+    Returns:
+        FOUND, OFF (the map ends under the tread) or BLANK (missing data under it), and how many minima were kept.
     """
     grid, roof, meta = ground
     r, half = w[RADIUS], w[HALF]
     dx, dy = meta[META_DX], meta[META_DY]
     out_x = half * abs(w[AX]) + r * math.sqrt(w[EX] * w[EX] + w[UX] * w[UX])
     out_y = half * abs(w[AY]) + r * math.sqrt(w[EY] * w[EY] + w[UY] * w[UY])
+    code = FOUND
     if not (on_map(meta, w[HX] - out_x, w[HY] - out_y) and on_map(meta, w[HX] + out_x, w[HY] + out_y)):
-        return OFF, 0
-    smooth = half == 0.0 and keep < 0.0 and r * meta[META_BEND] < SMOOTH and abs(w[AZ]) < LEAN
-    if smooth and follow_smooth(grid, meta, w, sine, cosine, best):
+        code = OFF
+        if not (abs(w[HX]) < math.inf and abs(w[HY]) < math.inf):
+            best[GAP] = math.inf
+            return OFF, 0
+    smooth = half == 0.0 and keep < 0.0 and r * meta[META_BEND] < SMOOTH
+    if smooth and code == FOUND and follow_smooth(grid, meta, w, sine, cosine, best):
         return FOUND, 0
     # following, the contact's own cell says all there is to know
     best[GAP] = gap_at(grid, meta, w, sine, cosine, s) if whole else math.inf
     best[SIN], best[COSINE], best[PLACE] = sine, cosine, s
+    if math.isnan(best[GAP]) or code == OFF:
+        best[GAP] = math.inf
     i0, j0, i1, j1 = 0, 0, int(meta[META_NX]) - 2, int(meta[META_NY]) - 2
     if whole:
-        i0, i1 = min(int(math.floor((w[HX] - out_x) / dx)), i1), min(int(math.floor((w[HX] + out_x) / dx)), i1)
-        j0, j1 = min(int(math.floor((w[HY] - out_y) / dy)), j1), min(int(math.floor((w[HY] + out_y) / dy)), j1)
+        i0, i1 = cells_within(w[HX] - out_x, w[HX] + out_x, dx, i1)
+        j0, j1 = cells_within(w[HY] - out_y, w[HY] + out_y, dy, j1)
+        if i0 > i1 or j0 > j1:
+            best[GAP] = math.inf
+            return OFF, 0
     # cells are searched where the wheel is, and a little beyond: a rim that only just reaches its own bounds would else be
     # lost to rounding
     far_x, far_y = 1.001 * out_x, 1.001 * out_y
@@ -199,9 +219,11 @@ def least_gap(
     while True:
         while k < n:
             if not w[BOUND + k] >= max(best[GAP] - TIE, keep) and (first or j != wj or i + k != wi):
-                count = _search_cell(ground, w, i + k, j, far_x, far_y, not whole, keep, best, found, count)
-                if count < 0:
-                    return BLANK, 0
+                kept = _search_cell(ground, w, i + k, j, far_x, far_y, not whole, keep, best, found, count)
+                if kept >= 0:
+                    count = kept
+                elif code == FOUND and _covers_cell(w, i + k, j, dx, dy):
+                    code = BLANK
             k += 1
         if not whole:
             break
@@ -219,11 +241,41 @@ def least_gap(
         n = min(i1 - i + 1, ROW)
         k = 0
         _bound_row(roof, j, i, n, dx, dy, far_x, far_y, w)
-    if best[GAP] == math.inf:
+    if best[GAP] == math.inf and not whole:
         best[GAP] = gap_at(grid, meta, w, sine, cosine, s)
-    if math.isnan(best[GAP]):
-        return BLANK, 0
-    return FOUND, count
+        if math.isnan(best[GAP]):
+            best[GAP] = math.inf
+    if best[GAP] == math.inf and code == FOUND:
+        code = BLANK
+    return code, count
+
+
+@inlined
+def cells_within(low: float, high: float, step: float, last: int) -> tuple[int, int]:
+    """Return the first and last cell index that low..high reaches along an axis; the first is greater if it reaches none.
+
+    Args:
+        low, high: m from the map's first node.
+        step: m, node spacing.
+        last: index of the axis's last cell.
+    """
+    if high < 0.0 or low > (last + 1) * step:
+        return last + 1, last
+    return int(min(max(math.floor(low / step), 0.0), last)), int(min(math.floor(high / step), last))
+
+
+@njit
+def _covers_cell(w: Array, i: int, j: int, dx: float, dy: float) -> bool:
+    """Return True if a point of the tread lies over the inside of cell (i, j).
+
+    Args:
+        w: (WHEEL_SIZE,) wheel.
+        i, j: column and row of the cell.
+        dx, dy: m, node spacing.
+    """
+    slack_x, slack_y = 1e-9 * dx, 1e-9 * dy
+    x0, y0 = i * dx - w[HX], j * dy - w[HY]
+    return covers(w, x0 + slack_x, x0 + dx - slack_x, y0 + slack_y, y0 + dy - slack_y)
 
 
 @njit

@@ -13,10 +13,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .curved_cell import BENDS_SIZE, XX, XXX, XXY, XY, XYY, YY, YYY, cell_bends
+from .curved_cell import BENDS_SIZE, XX, XXX, XXY, XY, XYY, YY, YYY, bounded_step, cell_bends
 from .ground import META_CUBIC, META_DX, META_DY, META_NX, META_NY, Ground, on_map, surface
 from .jit import njit
-from .tread import BLANK, OFF
+from .tread import BLANK, FOUND, OFF
 
 Array = NDArray[np.float64]
 
@@ -66,9 +66,23 @@ def least_clearance(near: Array, count: int, cap: float = math.inf) -> float:
 
 
 @njit
-def box_over_ground(ground: Ground, box: Array, axes: Array, x: float, y: float, z: float, margin: float, near: Array) -> int:
-    """Fill `near` (n, NEAR_SIZE) with the lowest place and others up to `margin` higher; returns how many, or -OFF or
-    -BLANK where the map ends or the ground is unknown below the box. `axes` are the body's directions, (x, y, z) its origin."""
+def box_over_ground(
+    ground: Ground, box: Array, axes: Array, x: float, y: float, z: float, margin: float, near: Array
+) -> tuple[int, int]:
+    """List the lowest place of the body's box over the terrain, and others up to `margin` higher.
+
+    Args:
+        ground: terrain.
+        box: (6,) low and high corner in the body's frame, m.
+        axes: (3, 3) the body's directions in the world, one a row.
+        x, y, z: m, the body's origin from the map's first node and the datum.
+        margin: m; 0 for the lowest place alone, within NO_MATTER.
+        near: (n, NEAR_SIZE) filled with the places.
+
+    Returns:
+        FOUND, OFF (the map ends under the box; nothing is listed) or BLANK (missing data under it; places over known cells are
+        listed), and how many places are listed.
+    """
     grid, roof, meta = ground
     bends = np.empty(BENDS_SIZE)
     low = np.empty(3)  # the box's lower corner in each of its own directions
@@ -90,23 +104,26 @@ def box_over_ground(ground: Ground, box: Array, axes: Array, x: float, y: float,
         oy = axes[0, 1] * a + axes[1, 1] * b + axes[2, 1] * c
         x_min, x_max, y_min, y_max = min(x_min, ox), max(x_max, ox), min(y_min, oy), max(y_max, oy)
     if not (on_map(meta, x + x_min, y + y_min) and on_map(meta, x + x_max, y + y_max)):
-        return -OFF
-    count = 0
+        return OFF, 0
+    code, count = FOUND, 0
     # somewhere on the box the gap is no greater than at these places of its lowest face: what lies higher is passed by
     down = 0
     for k in range(1, 3):
         if abs(axes[k, 2]) > abs(axes[down, 2]):
             down = k
     a, b = (down + 1) % 3, (down + 2) % 3
-    cap = math.inf
+    cap, cap_x, cap_y, cap_z = math.inf, 0.0, 0.0, 0.0
     for place in range(5):
         pa = 0.5 * (box[a] + box[3 + a]) if place == 4 else (box[a] if place & 1 else box[3 + a])
         pb = 0.5 * (box[b] + box[3 + b]) if place == 4 else (box[b] if place & 2 else box[3 + b])
         ox = axes[a, 0] * pa + axes[b, 0] * pb + axes[down, 0] * low[down]
         oy = axes[a, 1] * pa + axes[b, 1] * pb + axes[down, 1] * low[down]
         oz = axes[a, 2] * pa + axes[b, 2] * pb + axes[down, 2] * low[down]
-        h = surface(grid, meta, x + ox, y + oy)[0]
-        cap = min(cap, z + oz - h + NO_MATTER)
+        gap = z + oz - surface(grid, meta, x + ox, y + oy)[0]
+        if gap < cap:
+            cap, cap_x, cap_y, cap_z = gap, ox, oy, oz
+    # to list places, ties count; for the lowest alone, what is lower by less than NO_MATTER is not looked for
+    seek = margin + NO_MATTER if margin > 0.0 else -NO_MATTER
     for face in range(3):  # the edges' direction; three of them are on the lower side
         a, b = (face + 1) % 3, (face + 2) % 3
         for end in range(3):
@@ -115,12 +132,13 @@ def box_over_ground(ground: Ground, box: Array, axes: Array, x: float, y: float,
             sx = axes[a, 0] * pa + axes[b, 0] * pb + axes[face, 0] * box[face]
             sy = axes[a, 1] * pa + axes[b, 1] * pb + axes[face, 1] * box[face]
             sz = axes[a, 2] * pa + axes[b, 2] * pb + axes[face, 2] * box[face]
-            count = _edge(
+            kept = _edge(
                 ground, bends, x, y, z, sx, sy, sz, axes[face, 0], axes[face, 1], axes[face, 2], box[3 + face] - box[face],
-                cap, margin, apart, near, count,
+                cap, seek, apart, near, count,
             )  # fmt: skip
-            if count < 0:
-                return -BLANK
+            if kept < 0:
+                code, kept = BLANK, -1 - kept
+            count = kept
     last_i, last_j = int(meta[META_NX]) - 2, int(meta[META_NY]) - 2
     i0, i1 = min(int(math.floor((x + x_min) / dx)), last_i), min(int(math.floor((x + x_max) / dx)), last_i)
     j0, j1 = min(int(math.floor((y + y_min) / dy)), last_j), min(int(math.floor((y + y_max) / dy)), last_j)
@@ -135,6 +153,13 @@ def box_over_ground(ground: Ground, box: Array, axes: Array, x: float, y: float,
         ax, ay = axes[a, 0] + axes[a, 2] * gx, axes[a, 1] + axes[a, 2] * gy
         bx, by = axes[b, 0] + axes[b, 2] * gx, axes[b, 1] + axes[b, 2] * gy
         reach_a, reach_b = half_x * abs(ax) + half_y * abs(ay), half_x * abs(bx) + half_y * abs(by)
+        # the level rectangle around the face
+        long_a, long_b = 0.5 * (box[3 + a] - box[a]), 0.5 * (box[3 + b] - box[b])
+        far_x = abs(axes[a, 0]) * long_a + abs(axes[b, 0]) * long_b
+        far_y = abs(axes[a, 1]) * long_a + abs(axes[b, 1]) * long_b
+        mid_a, mid_b = box[a] + long_a, box[b] + long_b
+        mid_x = axes[face, 0] * low[face] + axes[a, 0] * mid_a + axes[b, 0] * mid_b
+        mid_y = axes[face, 1] * low[face] + axes[a, 1] * mid_a + axes[b, 1] * mid_b
         for j in range(j0, j1 + 1):
             oy = (j + 0.5) * dy - y
             for i in range(i0, i1 + 1):
@@ -142,6 +167,8 @@ def box_over_ground(ground: Ground, box: Array, axes: Array, x: float, y: float,
                 pa, pb = axes[a, 2] * c0 + ax * ox + ay * oy, axes[b, 2] * c0 + bx * ox + by * oy
                 outside_a = max(box[a] - pa, pa - box[3 + a]) > reach_a
                 if outside_a or max(box[b] - pb, pb - box[3 + b]) > reach_b:
+                    continue
+                if max(abs(ox - mid_x) - half_x - far_x, abs(oy - mid_y) - half_y - far_y) > 0.0:
                     continue
                 r0, r1, r2, r3 = roof[j, i], roof[j, i + 1], roof[j + 1, i], roof[j + 1, i + 1]
                 # the cell as far as it lies under the box
@@ -162,16 +189,17 @@ def box_over_ground(ground: Ground, box: Array, axes: Array, x: float, y: float,
                         min(gx * west + gy * north - nw, gx * east + gy * north - ne),
                     )
                 )
-                if not math.isfinite(room + r0 + r1 + r2 + r3):
-                    return -BLANK
-                if room > least_clearance(near, count, cap) + margin:
+                # beside missing data the upper bound of a known cell may be infinite
+                if room > least_clearance(near, count, cap) + seek:
+                    continue
+                known = math.isfinite(r0 + r1 + r2 + r3) if meta[META_CUBIC] == 0.0 else cell_bends(grid, i, j, dx, dy, bends)
+                if not known:
+                    code = BLANK
                     continue
                 if meta[META_CUBIC] != 0.0:
-                    if not cell_bends(grid, i, j, dx, dy, bends):
-                        return -BLANK
                     count = _face_over_cell(
                         grid, meta, bends, x, y, z, west, east, south, north, c0, gx, gy, box, a, b,
-                        axes[a, 2] * c0, ax, ay, axes[b, 2] * c0, bx, by, cap, margin, apart, near, count,
+                        axes[a, 2] * c0, ax, ay, axes[b, 2] * c0, bx, by, cap, seek, apart, near, count,
                     )  # fmt: skip
                     continue
                 for corner in range(4):
@@ -180,21 +208,38 @@ def box_over_ground(ground: Ground, box: Array, axes: Array, x: float, y: float,
                     if box[a] <= pa <= box[3 + a] and box[b] <= pb <= box[3 + b]:
                         oz = c0 + gx * cx + gy * cy
                         gap = z + oz - grid[j + (corner >> 1), i + (corner & 1)]
-                        if gap <= least_clearance(near, count, cap) + margin:
+                        if gap <= least_clearance(near, count, cap) + seek:
                             count = _take(near, count, apart, gap, cx, cy, oz, gx, gy)
-    return count
+    if count == 0 and cap < math.inf:
+        count = _take(near, 0, apart, cap, cap_x, cap_y, cap_z, -axes[down, 0] / axes[down, 2], -axes[down, 1] / axes[down, 2])
+    return code, count
 
 
 @njit
 def _edge(
     ground: Ground, bends: Array, x: float, y: float, z: float, sx: float, sy: float, sz: float,
-    ex: float, ey: float, ez: float, length: float, cap: float, margin: float, apart: float, near: Array, count: int,
+    ex: float, ey: float, ez: float, length: float, cap: float, seek: float, apart: float, near: Array, count: int,
 ) -> int:  # fmt: skip
-    """Where an edge of the box, from offset (sx, sy, sz) on along (ex, ey, ez), is near the ground: cell by cell. -1 where
-    that is unknown."""
+    """List where an edge of the box is near the terrain, cell by cell.
+
+    Args:
+        ground: terrain.
+        bends: (BENDS_SIZE,) scratch.
+        x, y, z: m, the body's origin.
+        sx, sy, sz: m, the edge's start from there.
+        ex, ey, ez: its direction.
+        length: m.
+        cap, seek: m: what is sought is lower than the lowest place so far, or `cap`, plus `seek`.
+        apart: m, distance within which places are one.
+        near, count: the list and how many it holds.
+
+    Returns:
+        How many the list holds; -1 less that if a part of the edge lies over missing data.
+    """
     grid, roof, meta = ground
     dx, dy = meta[META_DX], meta[META_DY]
     t = 0.0
+    known = True
     while t < length:
         # the piece up to the next grid line: it is told from its middle which cell it is in
         following = length
@@ -216,21 +261,25 @@ def _edge(
         twist = r0 - r1 - r2 + r3
         here = z + sz + t * ez - r0 - (r1 - r0) * u - (r2 - r0) * v - twist * u * v
         there = z + sz + following * ez - r0 - (r1 - r0) * (u + du) - (r2 - r0) * (v + dv) - twist * (u + du) * (v + dv)
-        if min(here, there) + 0.25 * min(twist * du * dv, 0.0) > least_clearance(near, count, cap) + margin:
+        if min(here, there) + 0.25 * min(twist * du * dv, 0.0) > least_clearance(near, count, cap) + seek:
             t = following
             continue
         if meta[META_CUBIC] != 0.0:
             if not cell_bends(grid, i, j, dx, dy, bends):
-                return -1
+                known = False
+                t = following
+                continue
             twice = 2.0 * ex * ey
             low = -(bends[XX + 1] * ex * ex + max(bends[XY] * twice, bends[XY + 1] * twice) + bends[YY + 1] * ey * ey)
         else:
             low = -2.0 * ex * ey * (grid[j, i] - grid[j, i + 1] - grid[j + 1, i] + grid[j + 1, i + 1]) / (dx * dy)
         if not math.isfinite(low):
-            return -1
-        count = _piece(grid, meta, low, x, y, z, sx, sy, sz, ex, ey, ez, t, following, length, cap, margin, apart, near, count)
+            known = False
+            t = following
+            continue
+        count = _piece(grid, meta, low, x, y, z, sx, sy, sz, ex, ey, ez, t, following, length, cap, seek, apart, near, count)
         t = following
-    return count
+    return count if known else -1 - count
 
 
 @njit
@@ -248,7 +297,7 @@ def _on_edge(
 @njit
 def _piece(
     grid: Array, meta: Array, least_bend: float, x: float, y: float, z: float, sx: float, sy: float, sz: float,
-    ex: float, ey: float, ez: float, start: float, stop: float, length: float, cap: float, margin: float, apart: float,
+    ex: float, ey: float, ez: float, start: float, stop: float, length: float, cap: float, seek: float, apart: float,
     near: Array, count: int,
 ) -> int:  # fmt: skip
     """The low places of an edge's piece within one cell, along which the height over the ground bends by no less than
@@ -261,7 +310,7 @@ def _piece(
         span = b - a
         slack = 0.5 * max(-least_bend, 0.0) * span
         down, up = ga - slack, gb + slack
-        limit = least_clearance(near, count, cap) + margin
+        limit = least_clearance(near, count, cap) + seek
         t, f, gx, gy = a, fa, ax, ay
         if down < 0.0 and up <= 0.0:
             t, f, gx, gy = b, fb, bx, by
@@ -314,7 +363,7 @@ def _across_line(
 def _face_over_cell(
     grid: Array, meta: Array, bends: Array, x: float, y: float, z: float, west: float, east: float, south: float, north: float,
     c0: float, gx: float, gy: float, box: Array, a: int, b: int, a0: float, ax: float, ay: float, b0: float, bx: float, by: float,
-    cap: float, margin: float, apart: float, near: Array, count: int,
+    cap: float, seek: float, apart: float, near: Array, count: int,
 ) -> int:  # fmt: skip
     """The low places of a face over a part of a cubic cell: where the ground is a hill, level with the face."""
     half_x, half_y = 0.5 * (east - west), 0.5 * (north - south)
@@ -336,19 +385,21 @@ def _face_over_cell(
             hill = hxx - dxx < 0.0 and hyy - dyy < 0.0
             if hill and abs(fx) <= turn_x and abs(fy) <= turn_y:
                 bent = 0.5 * max(hxx + dxx, 0.0) * rx * rx + (abs(hxy) + dxy) * rx * ry + 0.5 * max(hyy + dyy, 0.0) * ry * ry
-                limit = least_clearance(near, count, cap) + margin
+                limit = least_clearance(near, count, cap) + seek
                 if z + c0 + gx * ox + gy * oy - h - abs(fx) * rx - abs(fy) * ry - bent <= limit:
                     xx, yy, xy = -hxx - dxx, -hyy - dyy, abs(hxy) + dxy
-                    if (xx > 0.0 and yy > 0.0 and xx * yy > xy * xy) or rx < FINE * half_x:
-                        px, py = _hill(grid, meta, x, y, gx, gy, ox, oy, rx, ry)
+                    px, py, held = ox, oy, -1
+                    if xx > 0.0 and yy > 0.0 and xx * yy > xy * xy:
+                        px, py, held = _hill(grid, meta, x, y, gx, gy, ox, oy, rx, ry)
+                    if held < 0 and rx >= FINE * half_x:
+                        split = True
+                    elif held <= 0:
                         pa, pb = a0 + ax * px + ay * py, b0 + bx * px + by * py
                         if box[a] <= pa <= box[3 + a] and box[b] <= pb <= box[3 + b]:
                             oz = c0 + gx * px + gy * py
                             gap = z + oz - surface(grid, meta, x + px, y + py)[0]
                             if gap <= limit:
                                 count = _take(near, count, apart, gap, px, py, oz, gx, gy)
-                    else:
-                        split = True
         if split:
             level, i, j = level + 1, 2 * i, 2 * j
             rx, ry = 0.5 * rx, 0.5 * ry
@@ -367,18 +418,24 @@ def _face_over_cell(
 @njit
 def _hill(
     grid: Array, meta: Array, x: float, y: float, gx: float, gy: float, xm: float, ym: float, rx: float, ry: float
-) -> tuple[float, float]:
-    """Where the ground within rx, ry of the offset (xm, ym) is level with a plane of slope (gx, gy): Newton, kept inside."""
+) -> tuple[float, float, int]:
+    """Find where a plane is nearest to terrain that is concave over a part, by Newton's method within the part.
+
+    Args:
+        grid, meta: cubic terrain.
+        x, y: m, the body's origin from the map's first node.
+        gx, gy: slope of the plane.
+        xm, ym, rx, ry: m, middle and half sizes of the part, from the body's origin.
+
+    Returns:
+        The place, m from the body's origin, and how many of its coordinates are held at the part's sides; -1 if Newton did not
+        converge.
+    """
     ox, oy = xm, ym
-    for _ in range(40):
+    for _ in range(30):
         _, hx, hy, hxx, hxy, hyy = surface(grid, meta, x + ox, y + oy)
-        det = hxx * hyy - hxy * hxy
-        if not det > 0.0:
-            break
-        step_x, step_y = ((gx - hx) * hyy - (gy - hy) * hxy) / det, ((gy - hy) * hxx - (gx - hx) * hxy) / det
-        new_x, new_y = min(max(ox + step_x, xm - rx), xm + rx), min(max(oy + step_y, ym - ry), ym + ry)
-        moved = abs(new_x - ox) + abs(new_y - oy)
-        ox, oy = new_x, new_y
-        if moved < 1e-12:
-            break
-    return ox, oy
+        step_x, step_y, held = bounded_step(ox - xm, oy - ym, rx, ry, gx - hx, gy - hy, -hxx, -hxy, -hyy)
+        if held < 0 or abs(step_x) + abs(step_y) < 1e-11:
+            return ox, oy, held
+        ox, oy = min(max(ox + step_x, xm - rx), xm + rx), min(max(oy + step_y, ym - ry), ym + ry)
+    return ox, oy, -1

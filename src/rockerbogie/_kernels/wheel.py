@@ -78,6 +78,49 @@ def tread_point(w: Array, sine: float, cosine: float, s: float) -> tuple[float, 
 
 
 @njit
+def covers(w: Array, x0: float, x1: float, y0: float, y1: float) -> bool:
+    """Return True if a point of the tread lies over the inside of a level rectangle.
+
+    Over (u, v) the tread's two halves are |u| <= r, |v - a q| <= b cos τ with q = sqrt(r² - u²) and a = ±az. The rectangle is
+    convex, so v - a q takes every value between its extremes on the rectangle's part in |u| <= r, and these lie on its sides.
+
+    Args:
+        w: (WHEEL_SIZE,) wheel.
+        x0, x1, y0, y1: the rectangle, m from the hub.
+    """
+    r, reach = w[RADIUS], w[HALF] * w[COS]
+    for half in range(2):
+        lean = w[AZ] if half == 0 else -w[AZ]
+        sign, lean = math.copysign(1.0, lean), abs(lean)
+        low, high = math.inf, -math.inf
+        for side in range(4):
+            px, py = (x1 if side == 1 or side == 2 else x0), (y1 if side >= 2 else y0)
+            qx, qy = (x1 if side <= 1 else x0), (y1 if side == 1 or side == 2 else y0)
+            u0, v0 = px * w[EX] + py * w[EY], sign * (px * w[VX] + py * w[VY])
+            du, dv = qx * w[EX] + qy * w[EY] - u0, sign * (qx * w[VX] + qy * w[VY]) - v0
+            first, last = 0.0, 1.0
+            if abs(du) > 1e-12 * r:
+                ta, tb = (-r - u0) / du, (r - u0) / du
+                first, last = max(first, min(ta, tb)), min(last, max(ta, tb))
+            elif abs(u0) > r:
+                continue
+            if first > last:
+                continue
+            stationary = first
+            if lean * abs(du) > 1e-12 * r:
+                m = -dv / (lean * du)
+                stationary = min(max((r * m / math.sqrt(1.0 + m * m) - u0) / du, first), last)
+            for k in range(3):
+                t = first if k == 0 else (last if k == 1 else stationary)
+                u = u0 + t * du
+                f = v0 + t * dv - lean * math.sqrt(max(r * r - u * u, 0.0))
+                low, high = min(low, f), max(high, f)
+        if low <= reach and high >= -reach:
+            return True
+    return False
+
+
+@njit
 def gap_at(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s: float) -> float:
     """Height of the tread's point (φ, s) over the ground."""
     x, y, z = tread_point(w, sine, cosine, s)
