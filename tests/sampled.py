@@ -23,7 +23,7 @@ POINTS = 1 << 18  # points evaluated at once
 
 @dataclass
 class Minima:
-    """Local minima (m, MINIMA) of the height over ground on each of m treads or faces, lowest first; inf where there are fewer."""
+    """Local minima (m, MINIMA) of the height over ground of m treads or faces, lowest first; inf where there are fewer."""
 
     gap: Array
     phi: Array
