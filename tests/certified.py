@@ -84,25 +84,38 @@ def least(ground: oracle.Ground, wheels: oracle.Wheels) -> Array:
     return out
 
 
-def tread_known(pose: rb.Pose) -> Mask:
-    """Return where no sampled point of a tread (n, 6), upper half included, lies over missing data or off the map."""
+def tread_known(pose: rb.Pose, grow: float = -1e-9) -> Mask:
+    """Return where no sampled point of a tread (n, 6), upper half included, lies over missing data or off the map.
+
+    Treads are made larger by `grow`, m, so that a tread that ends on the border of an unknown cell is decided.
+    """
     n = pose.status.size
     if np.isfinite(pose.terrain.z).all() and np.isfinite(pose.gap).all():
         return np.ones((n, 6), dtype=bool)
     w = oracle.stand(pose.rover, pose.x, pose.y, pose.yaw, pose.q, pose.steering)
+    w = replace(w, radius=w.radius + grow, half=np.maximum(w.half + grow, 0.0))
     phi, side = np.meshgrid(np.linspace(-np.pi, np.pi, 361), np.linspace(-1, 1, 33), indexing="ij")
     over = sampled.over(pose.terrain.height, w, np.broadcast_to(phi, (6 * n, *phi.shape)), side * w.half[:, None, None])
     return np.isfinite(over).all(axis=(1, 2)).reshape(n, 6)
 
 
 def box_known(pose: rb.Pose, faces: oracle.Faces) -> Mask:
-    """Return where no sampled point of the box's lower faces (n,) lies over missing data or off the map."""
+    """Return where no sampled point of the box's lower faces (n,) lies over missing data or off the map.
+
+    If these points are known and those of faces 1e-6 m larger are not, `pose.clearance` may be NaN or not.
+    """
     n = pose.status.size
-    if np.isfinite(pose.terrain.z).all() and np.isfinite(pose.clearance).all():
-        return np.ones(n, dtype=bool)
-    u, v = np.meshgrid(np.linspace(-1, 1, 81), np.linspace(-1, 1, 81))
-    over = sampled.over(pose.terrain.height, faces, faces.reach[:, None, None] * u, faces.half[:, None, None] * v)
-    return np.isfinite(over).all(axis=(1, 2)).reshape(n, 3).all(axis=1)
+    told = np.isfinite(pose.clearance)
+    if np.isfinite(pose.terrain.z).all() and told.all():
+        return told
+    u, v = np.meshgrid(np.linspace(-1, 1, 201), np.linspace(-1, 1, 201))
+
+    def known(grow: float) -> Mask:
+        a, b = faces.reach[:, None, None] + grow, faces.half[:, None, None] + grow
+        return np.isfinite(sampled.over(pose.terrain.height, faces, a * u, b * v)).all(axis=(1, 2)).reshape(n, 3).all(axis=1)
+
+    inner, outer = known(-1e-9), known(1e-6)
+    return np.where(inner == outer, inner, told)
 
 
 def some(pose: rb.Pose, at: NDArray[np.int64] | Mask) -> rb.Pose:
@@ -214,7 +227,7 @@ def false_no_data(case: Case, pose: rb.Pose, mode: str, truth: str = "") -> Arra
     lost, there = lost[good], replace(some(whole, good), terrain=case.terrain)
     b = certify(there, truth)
     known = b.known & (b.gap_high <= TOLERANCE) & (b.gap_high >= -TOLERANCE)
-    fine = known.all(axis=1) & tread_known(there).all(axis=1)
+    fine = known.all(axis=1) & tread_known(there, 1e-6).all(axis=1)
     if mode == "equilibrium":
         fine &= np.isfinite(b.clearance_high)
     out[lost[fine]] = 1.0

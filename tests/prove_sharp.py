@@ -125,6 +125,7 @@ def main() -> int:
                 f"{told - began:7.0f} s  {done:9} poses, next seed {seed}, wrong: {wrong or 'none'}", file=sys.stderr, flush=True
             )
     print(table(rows))
+    took = time.perf_counter() - began
     print(f"mode {given.mode}, seeds {given.seed}..{seed - 1}, batch {given.batch}, {took:.0f} s, brackets by {given.truth}")
     for fault in FAULTS:
         found = [(row.worst[fault].value, key, row.worst[fault]) for key, row in rows.items() if fault in row.worst]

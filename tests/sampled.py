@@ -128,30 +128,66 @@ def least_clearance(pose: rb.Pose, per_cell: float = PER_CELL) -> Array:
     return local_minima(pose.terrain.height, faces, min(pose.terrain.spacing), per_cell).gap[:, 0].reshape(-1, 3).min(axis=1)
 
 
+def along_valleys(height: Height, w: oracle.Wheels, phi: Array, s: Array, dphi: float, ds: float) -> tuple[Array, Array, Array]:
+    """Refine minima (k,) of one tread where its gap has kinks: the least over s at each φ, then the least of these over φ.
+
+    Returns:
+        gap, φ and s (k,) of the points found within dphi, ds of those given.
+    """
+    half, t = float(w.half[0]), np.linspace(-1, 1, 13)
+    across = t if half > 0 else np.zeros(1)
+    at_phi, at_s, step = phi.copy(), s.copy(), dphi
+    best = np.full(len(phi), np.inf)
+    for _ in range(12):
+        p = at_phi[:, None] + step * t
+        q, width = np.repeat(at_s[:, None], len(t), 1), ds
+        for _ in range(12 if half > 0 else 1):
+            trial = np.clip(q[..., None] + width * across, -half, half)
+            f = over(height, w, np.broadcast_to(p[..., None], trial.shape).reshape(1, -1), trial.reshape(1, -1)).reshape(
+                trial.shape
+            )
+            f = np.where(np.isnan(f), np.inf, f)
+            k = f.argmin(axis=-1)[..., None]
+            q, least = np.take_along_axis(trial, k, -1)[..., 0], np.take_along_axis(f, k, -1)[..., 0]
+            width /= 4.0
+        k = least.argmin(axis=1)[:, None]
+        low, p, q = (np.take_along_axis(a, k, 1)[:, 0] for a in (least, p, q))
+        better = low < best
+        best, at_phi, at_s = np.where(better, low, best), np.where(better, p, at_phi), np.where(better, q, at_s)
+        step /= 4.0
+    return best, at_phi, at_s
+
+
 def contact_count(pose: rb.Pose, keep: float = 1e-6, per_cell: float = PER_CELL) -> NDArray[np.int64]:
     """Return the number (n, 6) of separate places of each tread within `keep` of the ground; −1 where it is ambiguous.
 
     Two minima are one place if every point of the straight line between them in (φ, s) is within `keep`. A tread is
     ambiguous if a minimum or the highest point of such a line lies between keep / 4 and 4 keep, if two separate minima
-    are nearer than 1 % of the radius, or if all MINIMA refined minima are within 4 keep.
+    are nearer than 1 % of the radius, if all MINIMA refined minima are within 4 keep, or if `pose.gap` is lower than
+    all of them by more than keep / 4: the sampling has then missed a minimum.
     """
-    wheels = oracle.stand(pose.rover, pose.x, pose.y, pose.yaw, pose.q, pose.steering)
-    found = local_minima(pose.terrain.height, wheels, min(pose.terrain.spacing), per_cell)
+    wheels, cell = oracle.stand(pose.rover, pose.x, pose.y, pose.yaw, pose.q, pose.steering), min(pose.terrain.spacing)
+    found = local_minima(pose.terrain.height, wheels, cell, per_cell)
     out = np.zeros(len(wheels.radius), dtype=np.int64)
+    told = pose.gap.ravel()
     t = np.linspace(0, 1, 401)
     for k in range(len(out)):
-        gap, w = found.gap[k], wheels.take([k])
+        gap, phi, s, w = found.gap[k], found.phi[k], found.s[k], wheels.take([k])
+        if pose.terrain.interpolation == "linear":
+            some = gap < np.inf
+            gap, phi, s = along_valleys(pose.terrain.height, w, phi[some], s[some], 0.4 * cell / w.radius[0], 0.4 * cell)
         near = np.flatnonzero(gap < 4 * keep)
-        vague = len(near) == MINIMA or (gap[near] > keep / 4).any()
-        at = np.stack([found.phi[k, near], found.s[k, near]], -1)
+        vague = len(near) == MINIMA or (gap[near] > keep / 4).any() or gap.min(initial=np.inf) > told[k] + keep / 4
+        at = np.stack([phi[near], s[near]], -1)
         label = np.arange(len(near))
         for i in range(len(near)):
             for j in range(i):
                 line = at[i] + t[:, None] * (at[j] - at[i])
                 top = over(pose.terrain.height, w, line[None, :, 0], line[None, :, 1]).max()
                 apart = abs(at[i] - at[j]) @ [w.radius[0], 1.0]
-                vague |= bool(keep / 4 < top < 4 * keep) or (top >= 4 * keep and apart < 0.01 * w.radius[0])
-                if top <= keep:
+                same = apart < 1e-5 * w.radius[0]  # one minimum, found twice
+                vague |= not same and (bool(keep / 4 < top < 4 * keep) or (top >= 4 * keep and apart < 0.01 * w.radius[0]))
+                if same or top <= keep:
                     label[label == label[i]] = label[j]
         out[k] = -1 if vague else len(set(label.tolist()))
     return out.reshape(-1, 6)
