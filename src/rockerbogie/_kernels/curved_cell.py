@@ -48,6 +48,7 @@ XXX, XXY, XYY, YYY = range(6, 10)
 BENDS_SIZE = 10
 FLAT = 1e-9  # 1/m: curvature less concave than this makes no minimum inside a tread that its rims do not have, within 1e-9 m
 FINEST = 20  # times a part is quartered
+ARRIVED = 1e-13  # m: Newton's method on a convex part ends where its step lowers the function by less
 
 
 @njit
@@ -387,10 +388,14 @@ def _convex_part(
         t_u, t_uu = side * u / (q * w[COS]), side * r * r / (q * q * q * w[COS])
         fx, fy = t_u * w[EX] + w[TAN] * w[VX] - gx, t_u * w[EY] + w[TAN] * w[VY] - gy
         fxx, fxy, fyy = t_uu * w[EX] * w[EX] - hxx, t_uu * w[EX] * w[EY] - hxy, t_uu * w[EY] * w[EY] - hyy
+        # the tangent plane at (x, y) is a lower bound on the part
+        low = w[HZ] + v * w[TAN] - side * q / w[COS] - h + fx * (xm - x) + fy * (ym - y) - abs(fx) * rx - abs(fy) * ry
+        if low >= max(best[GAP] - TIE, keep):
+            return count
         step_x, step_y, held = bounded_step(x - xm, y - ym, rx, ry, fx, fy, fxx, fxy, fyy)
         if held < 0:
             return -1
-        if abs(step_x) + abs(step_y) < 1e-10:
+        if abs(fx * step_x + fy * step_y) < ARRIVED:
             return count if held > 0 else _note_inside(w, side, u, v, h, best, keep, found, count)
         new_x, new_y = min(max(x + step_x, xm - rx), xm + rx), min(max(y + step_y, ym - ry), ym + ry)
         new_u = new_x * w[EX] + new_y * w[EY]

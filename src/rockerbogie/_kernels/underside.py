@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .curved_cell import BENDS_SIZE, XX, XXX, XXY, XY, XYY, YY, YYY, bounded_step, cell_bends
+from .curved_cell import ARRIVED, BENDS_SIZE, XX, XXX, XXY, XY, XYY, YY, YYY, bounded_step, cell_bends
 from .ground import META_CUBIC, META_DX, META_DY, META_NX, META_NY, Ground, on_map, surface
 from .jit import njit
 from .tread import BLANK, FOUND, OFF
@@ -434,8 +434,9 @@ def _hill(
     ox, oy = xm, ym
     for _ in range(30):
         _, hx, hy, hxx, hxy, hyy = surface(grid, meta, x + ox, y + oy)
-        step_x, step_y, held = bounded_step(ox - xm, oy - ym, rx, ry, gx - hx, gy - hy, -hxx, -hxy, -hyy)
-        if held < 0 or abs(step_x) + abs(step_y) < 1e-11:
+        fx, fy = gx - hx, gy - hy
+        step_x, step_y, held = bounded_step(ox - xm, oy - ym, rx, ry, fx, fy, -hxx, -hxy, -hyy)
+        if held < 0 or abs(fx * step_x + fy * step_y) < ARRIVED:
             return ox, oy, held
         ox, oy = min(max(ox + step_x, xm - rx), xm + rx), min(max(oy + step_y, ym - ry), ym + ry)
     return ox, oy, -1
