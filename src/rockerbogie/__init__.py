@@ -64,6 +64,8 @@ if TYPE_CHECKING:
     from .status import Status as Status
     from .terrain import Terrain as Terrain
     from .validate import validate as validate
+    from .verification import Verification as Verification
+    from .verification import verify as verify
 
 #: Public name -> the module that holds it; none where the name is a module itself.
 _EXPORTS = {
@@ -90,6 +92,8 @@ _EXPORTS = {
     "Path": "path",
     "settle": "settle",
     "Pose": "pose",
+    "verify": "verification",
+    "Verification": "verification",
     "wheel_jacobians": "jacobian",
     "JACOBIAN_COLUMNS": "jacobian",
     "system_jacobian": "jacobian",
