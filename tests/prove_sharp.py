@@ -83,6 +83,9 @@ def prove_case(
             snippet = SNIPPET.format(
                 seed=seed, family=family, interpolation=interpolation, count=count, holes=holes, k=k, mode=mode
             )
+            if fault not in row.worst:
+                at = f"draw_case({seed}, {family!r}, {interpolation!r}, {count}, holes={holes}), k = {k}"
+                print(f"{fault} {bad[k]:.3g}, {mode}: {at}", file=sys.stderr, flush=True)
             row.worst[fault] = Worst(float(bad[k]), snippet, rb.Status(int(pose.status[k])).name, case.rover.name)
 
 
@@ -101,6 +104,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--poses", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=0, help="first seed; each seed is one terrain of every family")
+    parser.add_argument("--seconds", type=float, default=float("inf"), help="stop after the seed at which this time is up")
     parser.add_argument("--batch", type=int, default=250, help="poses a terrain")
     parser.add_argument("--counted", type=int, default=1, help="poses a terrain whose contacts are counted by sampling")
     parser.add_argument("--mode", choices=("contact", "equilibrium"), default="contact")
@@ -113,7 +117,7 @@ def main() -> int:
     kinds, families = given.interpolation or ["cubic", "linear"], given.family or FAMILIES
     rows = {(family, kind): Row() for family in families for kind in kinds}
     seed, began, told = given.seed, time.perf_counter(), time.perf_counter()
-    while sum(row.poses for row in rows.values()) < given.poses:
+    while sum(row.poses for row in rows.values()) < given.poses and time.perf_counter() - began < given.seconds:
         for (family, kind), row in rows.items():
             prove_case(row, seed, family, kind, given.batch, seed % HOLED == HOLED - 1, given.mode, given.counted, given.truth)
         seed += 1
