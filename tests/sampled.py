@@ -17,6 +17,7 @@ Height = Callable[[Array, Array], Array]
 PER_CELL = 8.0  # samples along a cell
 MOST = (900, 120)  # samples of a tread around and across
 MINIMA = 12  # local minima refined of each tread or face
+COUNTED = 60  # and where contacts are counted
 ZOOMS, FINE, SHRINK = 9, 9, 3.5
 POINTS = 1 << 18  # points evaluated at once
 
@@ -30,7 +31,7 @@ class Minima:
     s: Array
 
 
-def local_minima(height: Height, wheels: oracle.Wheels, cell: float, per_cell: float = PER_CELL) -> Minima:
+def local_minima(height: Height, wheels: oracle.Wheels, cell: float, per_cell: float = PER_CELL, most: int = MINIMA) -> Minima:
     """Sample every tread (m,) and refine its lowest local minima.
 
     Args:
@@ -38,33 +39,34 @@ def local_minima(height: Height, wheels: oracle.Wheels, cell: float, per_cell: f
         wheels: treads or faces in the world.
         cell: smallest node spacing, m.
         per_cell: samples along a cell.
+        most: minima kept of each tread.
 
     Returns:
         The minima: each `gap` is the height of a point of the tread over the ground, NaN points left out.
     """
     m = len(wheels.radius)
-    out = Minima(np.full((m, MINIMA), np.inf), np.zeros((m, MINIMA)), np.zeros((m, MINIMA)))
+    out = Minima(np.full((m, most), np.inf), np.zeros((m, most)), np.zeros((m, most)))
     extents = wheels.extent()
     for unit, span, half in np.unique(extents, axis=0):
         here = np.flatnonzero((extents == (unit, span, half)).all(axis=1))
         round_ = not isinstance(wheels, oracle.Faces)
         reach = np.pi / 2 + 0.1 if round_ else span
         n_phi, n_s = (
-            1 if a == 0.0 else int(np.clip(np.ceil(2 * per_cell * a / cell), least, most)) | 1
-            for a, least, most in ((unit * reach, 121, MOST[0]), (half, 9, MOST[1]))
+            1 if a == 0.0 else int(np.clip(np.ceil(2 * per_cell * a / cell), fewest, limit)) | 1
+            for a, fewest, limit in ((unit * reach, 121, MOST[0]), (half, 9, MOST[1]))
         )
         run = max(POINTS // (n_phi * n_s), 1)
         for start in range(0, len(here), run):
             at = here[start : start + run]
-            gap, phi, s = _search(height, wheels.take(at), reach, half, n_phi, n_s, round_)
+            gap, phi, s = _search(height, wheels.take(at), reach, half, n_phi, n_s, round_, most)
             out.gap[at], out.phi[at], out.s[at] = gap, phi, s
     return out
 
 
 def _search(
-    height: Height, w: oracle.Wheels, reach: float, half: float, n_phi: int, n_s: int, round_: bool
+    height: Height, w: oracle.Wheels, reach: float, half: float, n_phi: int, n_s: int, round_: bool, most: int
 ) -> tuple[Array, Array, Array]:
-    """Return gap, φ and s (m, MINIMA) of treads of one size, from an n_phi × n_s grid each."""
+    """Return gap, φ and s (m, most) of treads of one size, from an n_phi × n_s grid each."""
     m = len(w.radius)
     middle = np.arctan2(w.X[:, 2], w.Z[:, 2]) if round_ else np.zeros(m)  # the lowest point of the rim
     a, b = np.linspace(-reach, reach, n_phi), np.linspace(-half, half, n_s) if n_s > 1 else np.zeros(1)
@@ -78,7 +80,7 @@ def _search(
             if (dj, di) != (1, 1):
                 least &= f <= padded[:, dj : dj + n_phi, di : di + n_s]
     kept = np.where(least, f, np.inf).reshape(m, -1)
-    k = min(MINIMA, kept.shape[1])
+    k = min(most, kept.shape[1])
     order = np.argpartition(kept, k - 1, axis=1)[:, :k] if k < kept.shape[1] else np.argsort(kept, axis=1)
     gap, cp, cs = (np.take_along_axis(v.reshape(m, -1), order, 1) for v in (kept, phi, s))
     dp, ds = (a[1] - a[0]) if n_phi > 1 else 0.0, (b[1] - b[0]) if n_s > 1 else 0.0
@@ -95,8 +97,8 @@ def _search(
         dp, ds = dp / SHRINK, ds / SHRINK
     order = np.argsort(gap, axis=1)
     out = [np.take_along_axis(g, order, 1) for g in (gap, cp, cs)]
-    if k < MINIMA:
-        out = [np.pad(g, ((0, 0), (0, MINIMA - k)), constant_values=c) for g, c in zip(out, (np.inf, 0.0, 0.0), strict=True)]
+    if k < most:
+        out = [np.pad(g, ((0, 0), (0, most - k)), constant_values=c) for g, c in zip(out, (np.inf, 0.0, 0.0), strict=True)]
     return out[0], out[1], out[2]
 
 
@@ -163,11 +165,11 @@ def contact_count(pose: rb.Pose, keep: float = 1e-6, per_cell: float = PER_CELL)
 
     Two minima are one place if every point of the straight line between them in (φ, s) is within `keep`. A tread is
     ambiguous if a minimum or the highest point of such a line lies between keep / 4 and 4 keep, if two separate minima
-    are nearer than 1 % of the radius, if all MINIMA refined minima are within 4 keep, or if `pose.gap` is lower than
+    are nearer than 1 % of the radius, if it has more minima than the COUNTED that are refined, or if `pose.gap` is lower than
     all of them by more than keep / 4: the sampling has then missed a minimum.
     """
     wheels, cell = oracle.stand(pose.rover, pose.x, pose.y, pose.yaw, pose.q, pose.steering), min(pose.terrain.spacing)
-    found = local_minima(pose.terrain.height, wheels, cell, per_cell)
+    found = local_minima(pose.terrain.height, wheels, cell, per_cell, COUNTED)
     out = np.zeros(len(wheels.radius), dtype=np.int64)
     told = pose.gap.ravel()
     t = np.linspace(0, 1, 401)
@@ -177,7 +179,7 @@ def contact_count(pose: rb.Pose, keep: float = 1e-6, per_cell: float = PER_CELL)
             some = gap < np.inf
             gap, phi, s = along_valleys(pose.terrain.height, w, phi[some], s[some], 0.4 * cell / w.radius[0], 0.4 * cell)
         near = np.flatnonzero(gap < 4 * keep)
-        vague = len(near) == MINIMA or (gap[near] > keep / 4).any() or gap.min(initial=np.inf) > told[k] + keep / 4
+        vague = np.isfinite(found.gap[k]).all() or (gap[near] > keep / 4).any() or gap.min(initial=np.inf) > told[k] + keep / 4
         at = np.stack([phi[near], s[near]], -1)
         label = np.arange(len(near))
         for i in range(len(near)):
