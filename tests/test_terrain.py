@@ -11,6 +11,7 @@ from scipy.interpolate import RectBivariateSpline, RegularGridInterpolator
 import rockerbogie as rb
 from helpers import assert_close
 from rockerbogie._kernels import ground
+from rockerbogie.terrain import Datum
 
 KINDS = ("cubic", "linear")
 
@@ -224,8 +225,18 @@ def test_the_array_given_is_not_touched_and_the_terrain_keeps_its_own() -> None:
         ({"spacing": "wide"}, r"spacing \('wide'\) one number or two"),
         ({"origin": (0.0, np.inf)}, r"origin is \(0.0, inf\); give the finite \(x, y\) of the first node"),
         ({"origin": (0.0,)}, r"origin is \(0.0,\); give the finite"),
-        ({"z": np.where(np.eye(6) > 0, np.inf, 0.0)}, "heights hold infinite values; mark what is not known with nan"),
-        ({"z": np.full((6, 6), np.nan)}, "every height is nan: there is no ground here"),
+        ({"z": np.where(np.eye(6) > 0, np.inf, 0.0)}, "a height of inf m at row 0, column 0"),
+        *(
+            (
+                {"z": np.where(np.arange(36).reshape(6, 6) == 15, fill, 0.0)},
+                f"a height of {fill:g} m at row 2, column 3 .*NaN".replace("+", "."),
+            )
+            for fill in (1e10, 1e20, 9.969209968386869e36, -3.4028234663852886e38, 1.7e308, -1.7e308, 2**31)
+        ),
+        ({"z": np.full((6, 6), np.nan)}, "every height of terrain is missing"),
+        ({"spacing": 1e20}, "spacing is 1e.20 m; give steps from 1e-06 to 1e.06 m"),
+        ({"spacing": 1e-300}, "spacing is 1e-300 m; give steps"),
+        ({"origin": (1e12, 0.0)}, "more than 1e.09 m from zero"),
         ({"z": [["a", "b"], ["c", "d"]]}, "heights must be an array of numbers"),
         ({"z": [[1.0, 2.0], [3.0]]}, "heights must be an array of numbers"),
     ],
@@ -245,3 +256,38 @@ def test_what_a_mask_hides_is_unknown_ground() -> None:
 def test_complex_heights_are_refused() -> None:
     with pytest.raises(rb.RockerbogieError, match="complex"):
         rb.Terrain.from_array(np.zeros((5, 5), dtype=complex), 0.1)
+
+
+FAR_AWAY = (-9999.0, -32768.0, 8848.0, 9.9e6)
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+@pytest.mark.parametrize("fill", FAR_AWAY)
+def test_one_extreme_height_far_away_does_not_move_a_pose(interpolation: Any, fill: float) -> None:
+    """The reference height is a median: it does not depend on extremes."""
+    rover = rb.load_rover("curiosity")
+    row, col = np.mgrid[:120, :120] * 0.5
+    z = 0.4 * np.sin(col / 3) + 0.3 * np.cos(row / 4) + 100
+    spoilt = z.copy()
+    spoilt[119, 119] = fill
+    for mode in ("contact", "equilibrium"):
+        good, bad = (
+            rb.settle(rover, rb.Terrain.from_array(heights, 0.5, interpolation=interpolation), 20.0, 20.0, 0.3, mode=mode)  # type: ignore[arg-type]
+            for heights in (z, spoilt)
+        )
+        assert_close(bad.q, good.q, 1e-12, "m, rad", "the spline carries 0.27 ** 70 of it so far")
+
+
+def test_the_reference_height_is_found_in_parts_too() -> None:
+    """A map taken in by bands of rows has the reference height of the whole, large maps by a subgrid, sparse ones by a row."""
+    rng = np.random.default_rng(0)
+    for shape, known in (((30, 40), 1.0), ((2500, 1100), 1.0), ((2500, 1100), 1e-3)):
+        z = np.where(rng.random(shape) < known, rng.normal(size=shape), np.nan)
+        if known < 1.0:
+            z[::3] = z[:, ::2] = np.nan  # no node of the subgrid is known
+        whole, parts = Datum(shape), Datum(shape)
+        whole.add(0, z, "z")
+        for row in range(0, shape[0], 7):
+            parts.add(row, z[row : row + 7], "z")
+        assert whole.height("z") == parts.height("z")
+        assert abs(whole.height("z")) < 1.5

@@ -74,7 +74,8 @@ class Raster:
                 f"so in the file, with gdal_edit.py -a_nodata {lowest:g} {self.path.name}",
                 stacklevel=3,
             )
-        heights = np.ma.filled(raw.astype(np.float64), np.nan) * scale + offset
+        with np.errstate(over="ignore"):  # what overflows is refused by its value
+            heights = np.ma.filled(raw.astype(np.float64), np.nan) * scale + offset
         if self.step[0] < 0:
             heights = heights[:, ::-1]
         if self.step[1] < 0:

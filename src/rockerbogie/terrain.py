@@ -17,6 +17,11 @@ from .errors import RockerbogieError, TerrainError
 Array = NDArray[np.float64]
 Interpolation = Literal["cubic", "linear"]
 
+MAX_HEIGHT = 1e7  # m: heights may be radii of a planet; what is beyond marks missing data
+MAX_ORIGIN = 1e9  # m: where double precision resolves 1e-7 m
+SPACING_RANGE = (1e-6, 1e6)  # m
+DATUM_SIDE = 1000  # nodes: a side of the subgrid whose median is the reference height
+
 
 @dataclass(frozen=True, eq=False)
 class Terrain:
@@ -79,14 +84,18 @@ class Terrain:
             raise TerrainError(f"spacing is {spacing}; give one finite step above 0, or two (dx, dy), in metres")
         if corner.shape != (2,) or not np.isfinite(corner).all():
             raise TerrainError(f"origin is {origin}; give the finite (x, y) of the first node, in metres")
-        if np.isinf(heights).any():
-            raise TerrainError("heights hold infinite values; mark what is not known with nan")
-        known = np.isfinite(heights)
-        if not known.any():
-            raise TerrainError("every height is nan: there is no ground here")
+        if not ((step >= SPACING_RANGE[0]) & (step <= SPACING_RANGE[1])).all():
+            raise TerrainError(f"spacing is {spacing} m; give steps from {SPACING_RANGE[0]:g} to {SPACING_RANGE[1]:g} m")
+        if np.abs(corner).max() > MAX_ORIGIN:
+            raise TerrainError(
+                f"origin is {origin} m; more than {MAX_ORIGIN:g} m from zero a position has no digits left for a rover: "
+                "subtract an offset from x and y"
+            )
+        datum = Datum(heights.shape)
+        datum.add(0, heights, name)
         shape = heights.shape
         size = float(step[0]), float(step[1])
-        level = middle(float(np.min(heights, where=known, initial=np.inf)), float(np.max(heights, where=known, initial=-np.inf)))
+        level = datum.height(name)
         whole = Whole(shape, size, (float(corner[0]), float(corner[1])), interpolation, crs, name, level, None)
         return lay(heights, (0, 0), (0, shape[0]), (0, shape[1]), whole)
 
@@ -176,14 +185,66 @@ class Whole(NamedTuple):
     interpolation: Interpolation
     crs: str | None
     name: str
-    level: float  # kept apart from the heights, so that -4,450 m does not eat the last digits
+    level: float  # m, the reference height (`Datum`), subtracted so that -4,450 m does not cost the last digits
     bend: float | None  # ground.META_BEND; None: to be found, as this is all of the map
     steep: float = np.inf  # ground.META_STEEP
 
 
-def middle(lowest: float, highest: float) -> float:
-    """The level that heights are told from."""
-    return 0.5 * lowest + 0.5 * highest
+class Datum:
+    """Reference height of a map, found in one pass over its rows; it is subtracted from heights before the kernels see them.
+
+    It is the median of the known nodes of a regular subgrid of at most `DATUM_SIDE` by `DATUM_SIDE` nodes, so that single extreme
+    heights do not move it; if none of these is known, the median of the first row that has a known node.
+    """
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self.steps = [-(-count // DATUM_SIDE) for count in shape]
+        self.sample: list[Array] = []
+        self.first_known: Array | None = None
+
+    def add(self, row: int, z: Array, name: str) -> None:
+        """Take in the next rows of the map and check their heights.
+
+        Args:
+            row: index of the first of them.
+            z: (rows, cols) all columns of these rows, m; NaN is missing data.
+            name: of the map, for the error.
+
+        Raises:
+            TerrainError: a height that is infinite or beyond `MAX_HEIGHT`.
+        """
+        with np.errstate(invalid="ignore"):
+            absurd = np.abs(z) > MAX_HEIGHT
+        if absurd.any():
+            at = tuple(int(n) for n in np.argwhere(absurd)[0])
+            raise TerrainError(
+                f"{name} has a height of {z[at]:g} m at row {row + at[0]}, column {at[1]} of Terrain.z "
+                f"({int(absurd.sum())} beyond {MAX_HEIGHT:g} m): if it marks missing data, replace it with NaN, or declare it "
+                "as no data in the file"
+            )
+        part = z[-row % self.steps[0] :: self.steps[0], :: self.steps[1]]
+        self.sample.append(part[np.isfinite(part)])
+        if self.first_known is None:
+            known = np.isfinite(z)
+            rows = known.any(axis=1)
+            if rows.any():
+                first = int(np.argmax(rows))
+                self.first_known = z[first, known[first]]
+
+    def height(self, name: str) -> float:
+        """Return the reference height, m.
+
+        Args:
+            name: of the map, for the error.
+
+        Raises:
+            TerrainError: no node is known.
+        """
+        if self.first_known is None:
+            raise TerrainError(f"every height of {name} is missing (NaN): there is no terrain")
+        values = np.concatenate(self.sample)
+        values = values if values.size > 0 else self.first_known
+        return float(np.partition(values, values.size // 2)[values.size // 2])
 
 
 def nodes_needed(start: int, stop: int, count: int, interpolation: Interpolation) -> tuple[int, int]:

@@ -15,7 +15,7 @@ from .._kernels.ground import META_BEND, META_STEEP, META_Z
 from ..errors import TerrainError
 from ..raster import Raster, open_raster
 from ..rover import Rover
-from ..terrain import Interpolation, Terrain, Whole, cut, greatest_rises, lay, middle, nodes_needed, slope
+from ..terrain import Datum, Interpolation, Terrain, Whole, cut, greatest_rises, lay, nodes_needed, slope
 
 Span = tuple[int, int]  # first, one past the last
 
@@ -106,32 +106,26 @@ def hold_ground(terrain: Terrain) -> InMemory:
 
 
 def open_ground(path: Path, band: int, interpolation: Interpolation) -> InFile:
-    """The ground in a file, after one pass over it in windows: its lowest and highest height, its digest, its bend, its slope.
+    """The ground in a file, after one pass over it in windows: its reference height, its digest, its bend, its slope.
 
     Raises:
-        TerrainError: not a raster of heights (`raster.open_raster`); infinite heights, or none at all.
+        TerrainError: not a raster of heights (`raster.open_raster`); heights beyond `terrain.MAX_HEIGHT`, or none at all.
     """
     raster = open_raster(path, band)
     rows, cols = raster.shape
     if min(rows, cols) < (least := 4 if interpolation == "cubic" else 2):
         raise TerrainError(f"{path.name} has {rows} x {cols} nodes; {interpolation} ground needs at least {least} each way")
-    lowest, highest, holes = math.inf, -math.inf, False
+    datum, holes = Datum(raster.shape), False
     digest, rises, before = hashlib.sha256(), (0.0, 0.0), None
     step = max(BAND // cols, 1)
     for row in range(0, rows, step):
         z = raster.read((row, min(row + step, rows)), (0, cols))
         digest.update(z.data)
+        datum.add(row, z, path.name)
         rises = greatest_rises(z if before is None else np.concatenate([before, z]), rises)
         before = z[-1:]
-        known = np.isfinite(z)
-        if np.isinf(z).any():
-            raise TerrainError(f"{path.name} holds infinite heights; mark what is not known as no data")
-        holes |= not known.all()
-        lowest = min(lowest, float(np.min(z, where=known, initial=np.inf)))
-        highest = max(highest, float(np.max(z, where=known, initial=-np.inf)))
-    if lowest > highest:
-        raise TerrainError(f"{path.name} holds no known height: there is no ground here")
-    level = middle(lowest, highest)
+        holes |= not np.isfinite(z).all()
+    level = datum.height(path.name)
     bend = _bend(raster, level) if interpolation == "cubic" and not holes else math.inf
     steep = slope(rises, raster.spacing) if interpolation == "linear" else math.inf
     whole = Whole(raster.shape, raster.spacing, raster.origin, interpolation, raster.crs, path.stem, level, bend, steep)
