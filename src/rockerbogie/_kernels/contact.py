@@ -109,8 +109,8 @@ def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: floa
         work: scratch; work.touch holds the contacts.
 
     Returns:
-        FOUND, OFF or BLANK (the pose found has a tread over the map's edge or missing data, or a wheel had no known terrain at
-        all under it), or -1 if Newton did not converge.
+        FOUND; OFF or BLANK if a wheel had no known terrain at all under it; these plus FOUND_OVER if a pose was found that has a
+        tread over the map's edge or missing data; -1 if Newton did not converge.
     """
     grid, _, meta = ground
     axes, knees, wheels, rows, step, touch = work.axes, work.knees, work.wheels, work.rows, work.step, work.touch
@@ -132,7 +132,7 @@ def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: floa
             worst = max(worst, abs(t[GAP]))
         if worst < TOLERANCE:
             if whole:
-                return astray
+                return astray if astray == FOUND else astray + FOUND_OVER
             whole = True  # settled on the contacts followed: is there a lower one anywhere on the treads?
             continue
         whole = it >= FOLLOWED or worst < NEARLY
@@ -155,7 +155,8 @@ STEPS = 18  # Newton needs three on smooth ground, five on rough; a cycle betwee
 NEARLY = 1e-5  # m: gaps below which Newton is as good as done
 FOLLOWED = 8  # steps in which contacts are followed; from then on they are sought anew each time
 STARTS = 32
-STRAYED = 3  # starts that may leave the known ground before the place itself is said to be off it
+STRAYED = 8  # starts that may put a wheel wholly off the known terrain before the place itself counts as off it
+FOUND_OVER = 8  # added to OFF or BLANK
 STRIDE = 0.3  # rad, the longest step
 WIDEST = 1.4  # rad: a settled joint or attitude beyond this is the linkage folded over, not standing
 
@@ -180,26 +181,38 @@ def start_pose(ground: Ground, rover: Array, x: float, y: float, attempt: int, q
 
 @inlined
 def settle_contact(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, work: Work) -> int:
-    """Fill q with the settled pose, nan when there is none; returns a status code. work.feet says how the wheels are steered.
+    """Find a pose whose six gaps are zero, by Newton's method from a fixed sequence of starts.
 
-    Newton from a level start. Where two contacts of a wheel take turns it may cycle; then it starts anew from another
-    attitude: the first start that settles upright counts, so the answer never depends on anything but the pose asked for.
+    The first start is level. Where two contacts of a wheel take turns Newton may cycle; then it starts again from another
+    attitude. The first start that leads to an upright pose over known terrain counts, so the answer depends only on the arguments.
+
+    Args:
+        ground: terrain.
+        rover: packed rover (linkage.py).
+        x, y: m, the body's reference point from the map's first node.
+        cy, sy: cos and sin of the heading.
+        q: (6,) filled with the pose, NaN if there is none.
+        work: scratch; work.feet holds the steering.
+
+    Returns:
+        Status code.
     """
-    strayed = 0
+    strayed, over = 0, FOUND
     for attempt in range(STARTS):
         start_pose(ground, rover, x, y, attempt, q, work.touch)
         if attempt == 0:
             stand_on_hubs(ground, rover, x, y, cy, sy, q, work)
         code = newton(ground, rover, x, y, cy, sy, q, work)
         if code == OFF or code == BLANK:
-            strayed += 1
+            strayed, over = strayed + 1, code
             if strayed == STRAYED:
-                q[:] = math.nan
-                return OFF_MAP if code == OFF else NO_DATA
+                break
+        elif code > FOUND_OVER:
+            over = code - FOUND_OVER
         elif code == FOUND and max(max(abs(q[1]), abs(q[2])), max(abs(q[3]), max(abs(q[4]), abs(q[5])))) < WIDEST:
             return JOINT_STOP if beyond_stops(rover, q) else CONVERGED
     q[:] = math.nan
-    return NOT_CONVERGED
+    return NOT_CONVERGED if over == FOUND else (OFF_MAP if over == OFF else NO_DATA)
 
 
 @njit

@@ -49,6 +49,7 @@ from .wheel import (
 Array = NDArray[np.float64]
 
 ROOM = 12  # touching places kept of one wheel
+ONE = 0.01  # of the radius: places closer than this are one contact
 FOUND, OFF, BLANK = 0, 1, 2
 SMOOTH = 0.7  # curvature of the map times wheel radius: below this a thin disc is followed by Newton (`follow_smooth`)
 
@@ -280,7 +281,16 @@ def _covers_cell(w: Array, i: int, j: int, dx: float, dy: float) -> bool:
 
 @njit
 def patches(ground: Ground, w: Array, found: Array, count: int, keep: float) -> int:
-    """How many separate places of the tread touch: two are one when the tread between them touches too."""
+    """Count the separate contacts of a tread.
+
+    Two places are one contact if they are closer than `ONE` of the radius, or if the tread midway between them touches too.
+
+    Args:
+        ground: terrain.
+        w: (WHEEL_SIZE,) wheel.
+        found, count: local minima of the gap, and how many.
+        keep: m, a gap up to this touches.
+    """
     grid, _, meta = ground
     n = 0
     for i in range(count):
@@ -289,7 +299,7 @@ def patches(ground: Ground, w: Array, found: Array, count: int, keep: float) -> 
             s, c = found[i, SIN] + found[j, SIN], found[i, COSINE] + found[j, COSINE]
             size = math.sqrt(s * s + c * c)
             apart = abs(found[i, SIN] - found[j, SIN]) * w[RADIUS] + abs(found[i, PLACE] - found[j, PLACE])
-            if apart < 1e-4 * w[RADIUS]:
+            if apart < ONE * w[RADIUS]:
                 fresh = False
             elif size > 0.0:
                 place = 0.5 * (found[i, PLACE] + found[j, PLACE])
