@@ -184,7 +184,7 @@ def settle_contact(ground: Ground, rover: Array, x: float, y: float, cy: float, 
     """Find a pose whose six gaps are zero, by Newton's method from a fixed sequence of starts.
 
     The first start is level. Where two contacts of a wheel take turns Newton may cycle; then it starts again from another
-    attitude. The first start that leads to an upright pose over known terrain counts, so the answer depends only on the arguments.
+    attitude. The first start that leads to an upright pose over known terrain counts: the answer depends on the arguments alone.
 
     Args:
         ground: terrain.
