@@ -136,3 +136,29 @@ def test_roof_lies_over_the_spline(seed: int) -> None:
     roof = rb.Terrain.from_array(terrain.roof, (0.5, 0.7), interpolation="linear")
     x, y = rng.uniform(0, 4, 20000), rng.uniform(0, 7.7, 20000)
     assert (terrain.height(x, y) - terrain.meta[ground.META_Z] - roof.height(x, y)).max() <= 1e-12
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_minimum_on_the_border_of_two_parts(seed: int) -> None:
+    """Hills that are symmetric about a cell's middle, where quarters of the cell meet: the slope there has no sure sign."""
+    rng = np.random.default_rng(seed)
+    rover = rb.load_rover("curiosity")
+    n, dx = 44, 0.2
+    cell = 20  # the middle of cell (20, 20) is the middle of the hill
+    at = np.arange(n) - (cell + 0.5)
+    width = rng.uniform(0.35, 1.2)
+    bump = np.exp(-0.5 * (at[:, None] ** 2 + at[None, :] ** 2) / width**2) * rng.uniform(0.02, 0.2)
+    terrain = rb.Terrain.from_array(bump, dx, (-(cell + 0.5) * dx, -(cell + 0.5) * dx))
+    middle = rover.body_box.mean(axis=0)
+    x, y, z = -middle[0] + rng.uniform(-0.1, 0.1), -middle[1] + rng.uniform(-0.1, 0.1), 1.0 - rover.body_box[0, 2]
+    q = np.array([z, 0.0, 0.0, 0.0, 0.0, 0.0])
+    level = rb.Pose(rover, terrain, np.array(x), np.array(y), np.array(0.0), np.zeros(6), q, np.array(0, np.uint8))
+    highest = max(float(terrain.height(0.0, 0.0)), 0.0)
+    assert level.clearance == pytest.approx(1.0 - highest, abs=2e-9)
+    # and a wide wheel over the hill, found by settling
+    hub = rover.hubs[2]
+    pose = rb.settle(rover, terrain, -hub[0], -hub[1], 0.0)
+    check = rb.verify(pose)
+    assert pose.status == rb.Status.CONVERGED
+    assert check.passes(1e-6)
+    assert ((check.gap_low - 1e-8 <= pose.gap) & (pose.gap <= check.gap_high + 1e-8)).all()
