@@ -9,9 +9,9 @@ import numpy as np
 import xarray as xr
 
 import rockerbogie as rb
-from rockerbogie.band import FACTORS, Doubt, interval_score, limits, sample, stands
 from rockerbogie.figures.validation import validation_figure
-from rockerbogie.roughness import missing_roughness
+from rockerbogie.settling.uncertainty import FACTORS, Doubt, interval_score, limits, sample, stands
+from rockerbogie.terrain.roughness import missing_roughness
 
 OUT = Path(__file__).parent / "img"
 CASES = {

@@ -9,7 +9,7 @@ import sys
 
 import numpy as np
 
-from rest_cases import compare, field, load, solids, stiff
+from support.rest_cases import compare, field, load, solids, stiff
 
 
 def main(poses: int, rovers: list[str]) -> None:

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-import oracle
 import rockerbogie as rb
 from conftest import DATA
+from support import oracle
 
 Array = NDArray[np.float64]
 

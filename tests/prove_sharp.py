@@ -29,13 +29,13 @@ from pathlib import Path
 import numpy as np
 
 import rockerbogie as rb
-from certified import FAULTS, judge
-from sharp_grounds import FAMILIES, draw_case
+from support.certified import FAULTS, judge
+from support.sharp_grounds import FAMILIES, draw_case
 
 HOLED = 4  # one terrain in so many has missing data
 SNIPPET = """\
 import rockerbogie as rb
-from sharp_grounds import draw_case  # tests/
+from support.sharp_grounds import draw_case  # tests/
 case = draw_case({seed}, {family!r}, {interpolation!r}, {count}, holes={holes})
 k = {k}
 pose = rb.settle(case.rover, case.terrain, case.x[k], case.y[k], case.yaw[k], steering=case.steering[k], mode={mode!r})

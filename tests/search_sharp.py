@@ -24,9 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import rockerbogie as rb
-import sampled
-from certified import FAULTS, certify, faults_of, some
-from sharp_grounds import FAMILIES, Case, draw_case
+from support import sampled
+from support.certified import FAULTS, certify, faults_of, some
+from support.sharp_grounds import FAMILIES, Case, draw_case
 
 Array = NDArray[np.float64]
 

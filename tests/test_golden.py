@@ -12,8 +12,9 @@ import pytest
 import rockerbogie as rb
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tools"))
-import golden
 import golden_cases
+
+import golden
 
 #: 404 contact poses, 7 equilibrium poses, motion and exports of one rover.
 SUBSET = (
@@ -42,7 +43,7 @@ def test_stored_outputs_are_unchanged() -> None:
 
 def test_cases_cover_every_surface_and_preset() -> None:
     assert set(rb.surfaces.__all__) <= set(golden_cases.SURFACES)
-    presets = Path(rb.__file__).parent / "rovers"
+    presets = Path(rb.__file__).parent / "rover" / "presets"
     if presets.is_dir():
         assert {folder.name for folder in presets.iterdir() if folder.is_dir()} == set(golden_cases.PRESETS)
     assert set(SUBSET) <= set(golden_cases.groups())

@@ -6,121 +6,119 @@ import itself costs next to nothing.
 
 from __future__ import annotations
 
-import sys
 from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from ._version import __version__
 
 if TYPE_CHECKING:
-    from . import surfaces as surfaces
-    from .actuation import wheel_commands as wheel_commands
-    from .compare import compare as compare
-    from .compare import settle_along as settle_along
-    from .differential import DifferentialBar as DifferentialBar
-    from .drive import drive as drive
     from .errors import PathError as PathError
     from .errors import RockerbogieError as RockerbogieError
     from .errors import RoverError as RoverError
     from .errors import TerrainError as TerrainError
-    from .formats import Import as Import
-    from .formats import import_rover as import_rover
-    from .formats import load_rover as load_rover
-    from .formats import to_sdf as to_sdf
-    from .formats import to_toml as to_toml
-    from .formats import to_urdf as to_urdf
-    from .frames import body_transform as body_transform
-    from .frames import contact_frames as contact_frames
-    from .frames import dh_table as dh_table
-    from .frames import wheel_frames as wheel_frames
-    from .jacobian import JACOBIAN_COLUMNS as JACOBIAN_COLUMNS
-    from .jacobian import SimpleStance as SimpleStance
-    from .jacobian import system_jacobian as system_jacobian
-    from .jacobian import wheel_jacobians as wheel_jacobians
-    from .logs import read_log as read_log
+    from .logs.attitude_log import LogMap as LogMap
+    from .logs.attitude_log import read_places as read_places
+    from .logs.joint_log import read_log as read_log
+    from .logs.mcap import write_mcap as write_mcap
+    from .logs.odometry import SlopeSlip as SlopeSlip
+    from .logs.odometry import flat_odometry as flat_odometry
+    from .logs.odometry import odometry as odometry
+    from .logs.validate import validate as validate
     from .maps.files import read_map as read_map
     from .maps.files import write_map as write_map
     from .maps.limits import Limits as Limits
     from .maps.plan import plan as plan
-    from .maps.route import Plan as Plan
     from .maps.traversability import traversability as traversability
-    from .mjcf import to_mjcf as to_mjcf
-    from .navigation import Noise as Noise
-    from .navigation import body_twist as body_twist
-    from .odometry import SlopeSlip as SlopeSlip
-    from .odometry import flat_odometry as flat_odometry
-    from .odometry import odometry as odometry
-    from .path import Path as Path
-    from .places import LogMap as LogMap
-    from .places import read_places as read_places
-    from .pose import Pose as Pose
-    from .rosbag import write_mcap as write_mcap
-    from .rover import Link as Link
-    from .rover import Rover as Rover
-    from .settle import settle as settle
-    from .simulate import simulate as simulate
-    from .slip import wheel_slip as wheel_slip
-    from .status import Status as Status
-    from .terrain import Terrain as Terrain
-    from .validate import validate as validate
-    from .verification import Verification as Verification
-    from .verification import verify as verify
+    from .motion.body_twist import Noise as Noise
+    from .motion.body_twist import body_twist as body_twist
+    from .motion.drive import drive as drive
+    from .motion.jacobian import JACOBIAN_COLUMNS as JACOBIAN_COLUMNS
+    from .motion.jacobian import SimpleStance as SimpleStance
+    from .motion.jacobian import system_jacobian as system_jacobian
+    from .motion.jacobian import wheel_jacobians as wheel_jacobians
+    from .motion.path import Path as Path
+    from .motion.path_files import Plan as Plan
+    from .motion.slip import wheel_slip as wheel_slip
+    from .motion.wheel_commands import wheel_commands as wheel_commands
+    from .rover.differential import DifferentialBar as DifferentialBar
+    from .rover.formats import Import as Import
+    from .rover.formats import import_rover as import_rover
+    from .rover.formats import load_rover as load_rover
+    from .rover.formats import to_sdf as to_sdf
+    from .rover.formats import to_toml as to_toml
+    from .rover.formats import to_urdf as to_urdf
+    from .rover.frames import body_transform as body_transform
+    from .rover.frames import contact_frames as contact_frames
+    from .rover.frames import dh_table as dh_table
+    from .rover.frames import wheel_frames as wheel_frames
+    from .rover.model import Link as Link
+    from .rover.model import Rover as Rover
+    from .settling.pose import Pose as Pose
+    from .settling.settle import settle as settle
+    from .settling.status import Status as Status
+    from .settling.verification import Verification as Verification
+    from .settling.verification import verify as verify
+    from .simulation.compare import compare as compare
+    from .simulation.compare import settle_along as settle_along
+    from .simulation.mjcf import to_mjcf as to_mjcf
+    from .simulation.simulate import simulate as simulate
+    from .terrain import surfaces as surfaces
+    from .terrain.heightfield import Terrain as Terrain
 
-#: Public name -> the module that holds it; none where the name is a module itself.
+#: Public name -> the module that holds it.
 _EXPORTS = {
     "RockerbogieError": "errors",
     "RoverError": "errors",
     "TerrainError": "errors",
     "PathError": "errors",
-    "Status": "status",
-    "Rover": "rover",
-    "Link": "rover",
-    "load_rover": "formats",
-    "import_rover": "formats",
-    "Import": "formats",
-    "DifferentialBar": "differential",
-    "to_toml": "formats",
-    "to_urdf": "formats",
-    "to_sdf": "formats",
-    "wheel_frames": "frames",
-    "contact_frames": "frames",
-    "body_transform": "frames",
-    "dh_table": "frames",
-    "Terrain": "terrain",
-    "surfaces": "",
-    "Path": "path",
-    "settle": "settle",
-    "Pose": "pose",
-    "verify": "verification",
-    "Verification": "verification",
-    "wheel_jacobians": "jacobian",
-    "JACOBIAN_COLUMNS": "jacobian",
-    "system_jacobian": "jacobian",
-    "SimpleStance": "jacobian",
-    "body_twist": "navigation",
-    "Noise": "navigation",
-    "wheel_commands": "actuation",
-    "wheel_slip": "slip",
-    "drive": "drive",
-    "odometry": "odometry",
-    "flat_odometry": "odometry",
-    "SlopeSlip": "odometry",
-    "read_log": "logs",
-    "write_mcap": "rosbag",
-    "to_mjcf": "mjcf",
-    "simulate": "simulate",
-    "settle_along": "compare",
-    "compare": "compare",
-    "validate": "validate",
-    "read_places": "places",
-    "LogMap": "places",
+    "Status": "settling.status",
+    "Rover": "rover.model",
+    "Link": "rover.model",
+    "load_rover": "rover.formats",
+    "import_rover": "rover.formats",
+    "Import": "rover.formats",
+    "DifferentialBar": "rover.differential",
+    "to_toml": "rover.formats",
+    "to_urdf": "rover.formats",
+    "to_sdf": "rover.formats",
+    "wheel_frames": "rover.frames",
+    "contact_frames": "rover.frames",
+    "body_transform": "rover.frames",
+    "dh_table": "rover.frames",
+    "Terrain": "terrain.heightfield",
+    "surfaces": "terrain",
+    "Path": "motion.path",
+    "settle": "settling.settle",
+    "Pose": "settling.pose",
+    "verify": "settling.verification",
+    "Verification": "settling.verification",
+    "wheel_jacobians": "motion.jacobian",
+    "JACOBIAN_COLUMNS": "motion.jacobian",
+    "system_jacobian": "motion.jacobian",
+    "SimpleStance": "motion.jacobian",
+    "body_twist": "motion.body_twist",
+    "Noise": "motion.body_twist",
+    "wheel_commands": "motion.wheel_commands",
+    "wheel_slip": "motion.slip",
+    "drive": "motion.drive",
+    "odometry": "logs.odometry",
+    "flat_odometry": "logs.odometry",
+    "SlopeSlip": "logs.odometry",
+    "read_log": "logs.joint_log",
+    "write_mcap": "logs.mcap",
+    "to_mjcf": "simulation.mjcf",
+    "simulate": "simulation.simulate",
+    "settle_along": "simulation.compare",
+    "compare": "simulation.compare",
+    "validate": "logs.validate",
+    "read_places": "logs.attitude_log",
+    "LogMap": "logs.attitude_log",
     "traversability": "maps.traversability",
     "Limits": "maps.limits",
     "write_map": "maps.files",
     "read_map": "maps.files",
     "plan": "maps.plan",
-    "Plan": "maps.route",
+    "Plan": "motion.path_files",
 }
 
 __all__ = ["__version__", *_EXPORTS]  # noqa: PLE0604
@@ -129,22 +127,9 @@ __all__ = ["__version__", *_EXPORTS]  # noqa: PLE0604
 def __getattr__(name: str) -> Any:
     if name not in _EXPORTS:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    holder = _EXPORTS[name]
-    module = import_module(f".{holder or name}", __name__)
-    value = globals()[name] = getattr(module, name) if holder else module
+    value = globals()[name] = getattr(import_module(f".{_EXPORTS[name]}", __name__), name)
     return value
 
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *_EXPORTS})
-
-
-class _Package(ModuleType):
-    """Keeps `rb.settle` the function: importing the submodule `settle` would otherwise bind its module there."""
-
-    def __setattr__(self, name: str, value: object) -> None:
-        if not (isinstance(value, ModuleType) and name in _EXPORTS):
-            super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package

@@ -16,8 +16,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 import rockerbogie as rb
-from rockerbogie.formats import build_rover, read_tree, to_sdf, to_toml, to_urdf
-from rockerbogie.formats.toml import read_toml
+from rockerbogie.rover.formats import build_rover, read_tree, to_sdf, to_toml, to_urdf
+from rockerbogie.rover.formats.toml_read import read_toml
 
 #: Numbers that have broken readers before.
 NASTY = (
@@ -47,7 +47,7 @@ LONGEST = 5.0
 
 def sources() -> dict[str, str]:
     """The files to spoil: our own, whole and small, and in the manner of others."""
-    import foreign
+    from support import foreign
 
     files = {}
     for name in ("curiosity", "elhami-dashti", "sawppy"):

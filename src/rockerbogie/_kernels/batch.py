@@ -7,34 +7,21 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from . import rough
-from .block import BLOCK_SIZE, ROUNDS, VERDICT, load, settle_block
-from .contact import CONVERGED, JOINT_STOP, beyond_stops, settle_contact
-from .equilibrium import settle_equilibrium, settle_from_pose
-from .ground import META_X, META_Y, META_Z, Ground, loan
-from .jit import inlined, njit
-from .lanes import LANES, LINE, SINE, Q, line_up
-from .linkage import P_BOX, PITCH, ROLL, Z, body_axes, stand, stand_feet
-from .memory import bare
-from .proof import LEAST
-from .smooth import sure_step
-from .tread import FOUND, least_gap, patches
-from .underside import NEAR_ROOM, NEAR_SIZE, box_over_ground, least_clearance
-from .wheel import (
-    COSINE,
-    GAP,
-    HALF,
-    HX,
-    HY,
-    HZ,
-    PLACE,
-    SIN,
-    contact_angle,
-    contact_slope,
-    gap_at,
-    tread_point,
-)
-from .work import WORK_SIZE, lay_out
+from .jit.decorators import inlined, njit
+from .jit.raw_views import bare
+from .model.ground import META_X, META_Y, META_Z, Ground, loan
+from .model.linkage import P_BOX, PITCH, ROLL, Z, body_axes, stand, stand_feet
+from .model.wheel import COSINE, GAP, HALF, HX, HY, HZ, PLACE, SIN, contact_angle, contact_slope, gap_at, tread_point
+from .search.body_box import NEAR_ROOM, NEAR_SIZE, box_over_ground, least_clearance
+from .search.tread import FOUND, least_gap, patches
+from .search.verify_minimum import LEAST
+from .search.workspace import WORK_SIZE, lay_out
+from .simd import bilinear_settle
+from .simd.cubic_newton import sure_step
+from .simd.cubic_settle import BLOCK_SIZE, ROUNDS, VERDICT, load, settle_block
+from .simd.linkage import LANES, LINE, SINE, Q, line_up
+from .solve.equilibrium import settle_equilibrium, settle_from_pose
+from .solve.newton import CONVERGED, JOINT_STOP, beyond_stops, settle_contact
 
 Array = NDArray[np.float64]
 
@@ -71,11 +58,11 @@ def settle_linear(
 ) -> None:  # fmt: skip
     """As `settle_cubic`, on linear ground, in the `order` (n,) given. Poses that need more than one round wait until there is a
     block of them."""
-    buffer, block = np.empty(WORK_SIZE), np.empty(rough.ROUGH_ROWS + LINE)
+    buffer, block = np.empty(WORK_SIZE), np.empty(bilinear_settle.ROUGH_ROWS + LINE)
     which, wait = np.empty(LANES, np.int64), np.empty(2 * LANES, np.int64)
     work, land, car, meta, q, S = lay_out(buffer), loan(ground), bare(rover), bare(ground[2]), bare(out), line_up(block)
     waiting, first = 0, start
-    if rough.too_fine(meta, car):
+    if bilinear_settle.too_fine(meta, car):
         for n in range(start, stop):
             status[order[n]] = LEFT
         first = stop
@@ -87,7 +74,7 @@ def settle_linear(
         load(S, car, meta, x, y, yaw, steering, which, count, first == start, work)
         if anew:
             first += count
-            rough.start(S, land[0], meta, car)
+            bilinear_settle.start(S, land[0], meta, car)
         else:
             waiting -= count
             for l in range(waiting):
@@ -96,16 +83,16 @@ def settle_linear(
                 for n in range(6):
                     S[Q + n * LANES + l] = q[which[min(l, count - 1)], n]
                     S[SINE + n * LANES + l] = 0.0  # where wheels touch, of which nothing of others is to be left
-        rough.settle(S, land, car, count, 1 if anew else ROUNDS)
+        bilinear_settle.settle(S, land, car, count, 1 if anew else ROUNDS)
         for l in range(count):
             k = which[l]
-            if anew and S[rough.FATE + l] == rough.SOUGHT:
+            if anew and S[bilinear_settle.FATE + l] == bilinear_settle.SOUGHT:
                 for n in range(6):
                     q[k, n] = S[Q + n * LANES + l]
                 wait[waiting] = k
                 waiting += 1
             else:
-                keep_lane(S, l, car, meta, q, status, k, S[rough.FATE + l] == rough.SETTLED)
+                keep_lane(S, l, car, meta, q, status, k, S[bilinear_settle.FATE + l] == bilinear_settle.SETTLED)
     buffer[0] = block[0] = 0.0
 
 

@@ -16,8 +16,8 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from .._kernels.jit import threads
-from ..settle import settle
+from .._kernels.jit.decorators import threads
+from ..settling.settle import settle
 from .baselines import drop_baseline, fsolve_baseline
 from .cases import Case, cases, places
 from .clock import best, timed
@@ -133,7 +133,7 @@ def machine() -> dict[str, object]:
     """What the times were taken on."""
     from importlib.metadata import version
 
-    from .. import __version__
+    from .._version import __version__
 
     return {
         "version": __version__, "machine": platform.machine(), "cores": os.cpu_count(), "python": platform.python_version(),

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._kernels.jit import threads
-from ..baseline import RIM_POINTS, Contact, fsolve_settle
-from ..formats import to_urdf
-from ..mjcf import add_mechanism, add_terrain, default_cell, empty_spec
-from ..rover import Rover
-from ..terrain import Terrain
+from .._kernels.jit.decorators import threads
+from ..paper.baseline import RIM_POINTS, Contact, fsolve_settle
+from ..rover.formats import to_urdf
+from ..rover.model import Rover
+from ..simulation.mjcf import add_mechanism, add_terrain, default_cell, empty_spec
+from ..terrain.heightfield import Terrain
 from .cases import Case
 from .clock import each
 

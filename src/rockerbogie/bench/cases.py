@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import surfaces
-from ..formats import load_rover
-from ..rover import Rover
-from ..terrain import Terrain
+from ..rover.formats import load_rover
+from ..rover.model import Rover
+from ..terrain import surfaces
+from ..terrain.heightfield import Terrain
 
 Array = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ import tracemalloc
 
 import numpy as np
 
-from .._kernels.jit import threads
-from ..formats import load_rover
-from ..jacobian import SimpleStance, wheel_jacobians
-from ..settle import settle
+from .._kernels.jit.decorators import threads
+from ..motion.jacobian import SimpleStance, wheel_jacobians
+from ..rover.formats import load_rover
+from ..settling.settle import settle
 from .baselines import pinocchio_seconds
 from .cases import places, smooth_case
 from .clock import best, each

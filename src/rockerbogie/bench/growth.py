@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from .. import surfaces
-from .._kernels.jit import threads
-from ..formats import load_rover
-from ..settle import settle
+from .._kernels.jit.decorators import threads
+from ..rover.formats import load_rover
+from ..settling.settle import settle
+from ..terrain import surfaces
 from .cases import Case, places, rough_case, smooth_case
 from .clock import best
 

@@ -17,7 +17,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from ..errors import RockerbogieError, TerrainError, unknown_name
 
 if TYPE_CHECKING:
-    from ..terrain import Terrain
+    from ..terrain.heightfield import Terrain
 
 #: `--terrain surface:NAME` is a built-in surface at its usual size.
 SURFACE = "surface:"
@@ -35,8 +35,8 @@ def load_terrain(name: str, linear: bool | None) -> Terrain:
     Raises:
         TerrainError: no such file or surface, or a file that holds no height field.
     """
-    from .. import surfaces
-    from ..terrain import Terrain
+    from ..terrain import surfaces
+    from ..terrain.heightfield import Terrain
 
     way: dict[str, Any] = {} if linear is None else {"interpolation": "linear" if linear else "cubic"}
     if name.startswith(SURFACE):

@@ -13,17 +13,17 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from ..compare import compare, settle_along
-from ..drive import drive as drive_rover
-from ..drive import to_csv
 from ..errors import PathError, RockerbogieError
-from ..formats import load_rover
-from ..maps.route import read_route
-from ..path import Path
-from ..rover import Rover
-from ..simulate import simulate as simulate_rover
-from ..status import MEANING, Status
-from ..terrain import Terrain
+from ..motion.drive import drive as drive_rover
+from ..motion.drive import to_csv
+from ..motion.path import Path
+from ..motion.path_files import read_route
+from ..rover.formats import load_rover
+from ..rover.model import Rover
+from ..settling.status import MEANING, Status
+from ..simulation.compare import compare, settle_along
+from ..simulation.simulate import simulate as simulate_rover
+from ..terrain.heightfield import Terrain
 from .common import (
     Folder,
     Json,
@@ -161,7 +161,7 @@ def simulate(
     comparison = compare(beside, sim)
     files = _write_run(machine, ground, sim, output, "simulation")
     if output is not None:
-        from ..figures.paper import angles_figure, figures_7_to_9
+        from ..paper.figures import angles_figure, figures_7_to_9
 
         drawn = figures_7_to_9(machine)
         for name, figure in (("attitude.png", "figure7"), ("joints.png", "figure8")):
@@ -234,7 +234,7 @@ def _write_run(rover: Rover, terrain: Terrain, run: xr.Dataset, output: FilePath
 
 
 def _write_mcap(rover: Rover, run: xr.Dataset, output: FilePath | None) -> FilePath:
-    from ..rosbag import write_mcap
+    from ..logs.mcap import write_mcap
 
     if output is None:
         raise RockerbogieError("--mcap writes run.mcap into a folder: give one with -o")

@@ -9,8 +9,8 @@ import numpy as np
 from cyclopts import Parameter
 
 from ..errors import RockerbogieError
-from ..formats import load_rover, to_sdf, to_toml, to_urdf
-from ..formats.gazebo import write_world
+from ..rover.formats import load_rover, to_sdf, to_toml, to_urdf
+from ..rover.formats.gazebo import write_world
 from .common import load_terrain, make_folder, middle, parse_point
 
 Format = Literal["urdf", "sdf", "mjcf", "toml", "world"]
@@ -63,7 +63,7 @@ def export(
         raise RockerbogieError(f"--terrain belongs to a world or an MJCF, not to {chosen}")
     ground = None if terrain is None else load_terrain(terrain, None)
     if chosen == "world" and ground is not None:
-        from ..settle import settle
+        from ..settling.settle import settle
 
         x, y = middle(ground) if at is None else parse_point(at, "--at")
         pose = settle(machine, ground, x, y, np.radians(yaw))
@@ -74,7 +74,7 @@ def export(
             print(file)
         return
     if chosen == "mjcf":
-        from ..mjcf import to_mjcf
+        from ..simulation.mjcf import to_mjcf
 
         text = to_mjcf(machine, ground)
     else:

@@ -20,16 +20,16 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from .. import surfaces
 from ..errors import RockerbogieError, unknown_name
-from ..formats import load_rover
 from ..maps.files import cell_size, check_place, write_map
 from ..maps.layers import LAYERS
 from ..maps.limits import Limits
 from ..maps.preview import Tally, overview, tally
 from ..maps.style import write_style
 from ..maps.traversability import traversability
-from ..terrain import Terrain
+from ..rover.formats import load_rover
+from ..terrain import surfaces
+from ..terrain.heightfield import Terrain
 from .common import SURFACE, Json, Linear, RoverName, load_terrain, make_folder, print_json, progress
 
 if TYPE_CHECKING:

@@ -11,12 +11,12 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from ..drive import to_csv
 from ..errors import RockerbogieError
-from ..formats import load_rover
-from ..logs import read_log
-from ..odometry import SlopeSlip, flat_odometry
-from ..odometry import odometry as integrate
+from ..logs.joint_log import read_log
+from ..logs.odometry import SlopeSlip, flat_odometry
+from ..logs.odometry import odometry as integrate
+from ..motion.drive import to_csv
+from ..rover.formats import load_rover
 from .common import Folder, Json, Linear, RoverName, load_terrain, make_folder, print_json, progress
 
 if TYPE_CHECKING:
@@ -137,7 +137,7 @@ def _write(rover: Any, track: xr.Dataset, flat: xr.Dataset, log: xr.Dataset, out
     if output is None:
         return []
     from ..figures.odometry import odometry_figure
-    from ..rosbag import write_mcap
+    from ..logs.mcap import write_mcap
 
     folder = make_folder(output)
     odometry_figure(track, flat, log).savefig(folder / "odometry.png")

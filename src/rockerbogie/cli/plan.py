@@ -10,10 +10,10 @@ from cyclopts import Parameter
 from rich.console import Console
 
 from ..errors import RockerbogieError
-from ..formats import load_rover
 from ..maps.files import read_map
 from ..maps.plan import plan as plan_route
 from ..maps.preview import overview
+from ..rover.formats import load_rover
 from .common import SURFACE, Json, load_terrain, make_folder, print_json, progress
 
 Place = Annotated[tuple[float, float], Parameter(allow_leading_hyphen=True)]

@@ -11,8 +11,8 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from ..report import ErrorRow
-from ..reproduce import reproduce as reproduce_paper
+from ..paper.report import ErrorRow
+from ..paper.reproduce import reproduce as reproduce_paper
 from .common import Json, make_folder, print_json, progress
 
 #: Exit code where the model is further from the simulation than it may be.

@@ -13,9 +13,9 @@ from rich.console import Console
 from rich.table import Table
 
 from ..errors import RockerbogieError
-from ..formats import import_rover, load_rover, presets, read_details, schema, to_toml
-from ..frames import DHRow, dh_table
-from ..rover import IDEAL_DIFFERENTIAL, Rover
+from ..rover.formats import import_rover, load_rover, presets, read_details, schema, to_toml
+from ..rover.frames import DHRow, dh_table
+from ..rover.model import IDEAL_DIFFERENTIAL, Rover
 from .common import Json, print_json
 
 app = cyclopts.App(name="rovers", help="The rovers there are; one with its dimensions; a new one; one from a robot file.")
@@ -114,7 +114,7 @@ def import_(
     json
         Print JSON in place of text.
     """
-    from ..formats.overrule import parse_joints, parse_numbers
+    from ..rover.formats.import_overrides import parse_joints, parse_numbers
 
     result = import_rover(
         file, scale=scale, forward=forward, up=up, joints=parse_joints(joint or []), **parse_numbers(set_ or [])

@@ -13,11 +13,11 @@ from rich.markup import escape
 from rich.table import Table
 
 from ..errors import RockerbogieError, unknown_name
-from ..formats import load_rover
-from ..pose import Pose
-from ..rover import Rover
-from ..settle import settle as settle_rover
-from ..status import MEANING, Status
+from ..rover.formats import load_rover
+from ..rover.model import Rover
+from ..settling.pose import Pose
+from ..settling.settle import settle as settle_rover
+from ..settling.status import MEANING, Status
 from .common import (
     Folder,
     Json,

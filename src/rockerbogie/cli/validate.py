@@ -14,10 +14,10 @@ from rich.console import Console
 from rich.table import Table
 
 from ..errors import RockerbogieError
-from ..formats import load_rover
-from ..places import LogMap, known_log, read_places
-from ..status import Status
-from ..validate import validate as compare_with_log
+from ..logs.attitude_log import LogMap, known_log, read_places
+from ..logs.validate import validate as compare_with_log
+from ..rover.formats import load_rover
+from ..settling.status import Status
 from .common import (
     SURFACE,
     Folder,

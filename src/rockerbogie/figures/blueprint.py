@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from numpy.typing import NDArray
 
-from ..rover import Rover
+from ..rover.model import Rover
 from .style import INK, LEFT, RIGHT, figure, look
 
 Array = NDArray[np.float64]

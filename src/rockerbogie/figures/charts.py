@@ -15,9 +15,9 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator, StrMethodFormatter
 from numpy.typing import NDArray
 
-from ..rover import Rover
-from ..status import MEANING, Status
-from ..terrain import Terrain
+from ..rover.model import Rover
+from ..settling.status import MEANING, Status
+from ..terrain.heightfield import Terrain
 from .style import COLOURS, INK, LEFT, RIGHT, figure, look
 
 if TYPE_CHECKING:

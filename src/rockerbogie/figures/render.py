@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._kernels import picture
+from . import raster_kernels
 
 Array = NDArray[np.float64]
 
@@ -127,7 +127,7 @@ def render(mesh: Mesh, camera: Camera, *, sun: tuple[float, float], grid: float 
     extent = float(np.ptp(mesh.corners.reshape(-1, 3), axis=0).max())
     pixel = float(np.linalg.norm(mesh.corners[0, 0] - camera.eye)) / camera.scale  # m, about
     image = np.zeros((camera.size[1], camera.size[0], 4))
-    picture.shade(
+    raster_kernels.shade(
         index, seen, mesh.corners, mesh.normals, mesh.colours, mesh.ruled, fine.eye,
         -light.axes[2], shadow, light.axes, light.eye, light.scale, light.shift,
         SHADOW_BIAS * extent, grid, 0.5 * pixel, FINER, image,
@@ -153,5 +153,5 @@ def _visible(triangles: Array, camera: Camera) -> tuple[NDArray[np.int32], Array
     """Which of the projected triangles (n, 3, 3) each pixel sees (-1 none), and its nearness."""
     index = np.full((camera.size[1], camera.size[0]), -1, dtype=np.int32)
     near = np.full(index.shape, -np.inf)
-    picture.rasterise(triangles, index, near)
+    raster_kernels.rasterise(triangles, index, near)
     return index, near

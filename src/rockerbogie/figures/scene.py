@@ -9,11 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
-from ..frames import body_transform
-from ..rover import Rover
-from ..terrain import Terrain
-from .machine import rover_mesh
+from ..rover.frames import body_transform
+from ..rover.model import Rover
+from ..terrain.heightfield import Terrain
 from .render import Camera, Mesh, render
+from .rover_mesh import rover_mesh
 from .style import INK
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from ..maps.files import cell_size
-from ..maps.route import Plan
 from ..maps.style import CLASSES
+from ..motion.path_files import Plan
 from .charts import HALO, Bounds, plain_metres, scale_bar
 from .style import INK, figure, look
 

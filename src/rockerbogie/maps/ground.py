@@ -10,12 +10,12 @@ from typing import Protocol
 
 import numpy as np
 
-from .. import spline
-from .._kernels.ground import META_BEND, META_STEEP, META_Z
+from .._kernels.model.ground import META_BEND, META_STEEP, META_Z
 from ..errors import TerrainError
-from ..raster import Raster, open_raster
-from ..rover import Rover
-from ..terrain import Datum, Interpolation, Terrain, Whole, check_grid, cut, greatest_rises, lay, nodes_needed, slope
+from ..rover.model import Rover
+from ..terrain import spline
+from ..terrain.heightfield import Datum, Interpolation, Terrain, Whole, check_grid, cut, greatest_rises, lay, nodes_needed, slope
+from ..terrain.raster import Raster, open_raster
 
 Span = tuple[int, int]  # first, one past the last
 

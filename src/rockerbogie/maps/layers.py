@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RockerbogieError, unknown_name
-from ..status import Status
+from ..settling.status import Status
 from .limits import BITS
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RockerbogieError, unknown_name
-from ..pose import Pose
+from ..settling.pose import Pose
 
 #: Bits of the layer `exceeded`, in the order of its flag_meanings.
 BITS = {"pitch": 1, "roll": 2, "tilt": 4, "rocker": 8, "bogie": 16, "clearance": 32, "unsettled": 64}

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..rover import Rover
+from ..rover.model import Rover
 
 Array = NDArray[np.float64]
 #: A state relative to another: index of the heading, cells to the east (x), cells to the north (y).

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import PathError, RockerbogieError, RoverError, expect
-from ..formats import load_rover
-from ..rover import LOAD_ROVER, Rover
+from ..motion.path_files import Plan
+from ..rover.formats import load_rover
+from ..rover.model import LOAD_ROVER, Rover
 from .files import cell_size, read_map
 from .moves import graph, grid_steps, moves, turning_radius, turns_in_place
-from .route import Plan
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RockerbogieError
-from ..raster import open_raster
-from ..terrain import Terrain
+from ..terrain.heightfield import Terrain
+from ..terrain.raster import open_raster
 from .files import FIRST, pieces
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._kernels.jit import threads
+from .._kernels.jit.decorators import threads
 from ..errors import RockerbogieError
 from .cells import Tile
 from .ground import Ground, InMemory

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import __version__
+from .._version import __version__
 from ..errors import RockerbogieError
 from .cells import TILE, Tile
 from .ground import Ground
@@ -118,9 +118,12 @@ def made_from(job: Job, ground: Ground) -> dict[str, Any]:
 def numerics() -> str:
     """What the numbers come from: the kernels, and what goes into and comes out of them."""
     here = Path(__file__).parents[1]
-    kernels = [file for file in (here / "_kernels").glob("*.py") if file.name not in ("jacobians.py", "picture.py")]
+    kernels = [file for file in (here / "_kernels").rglob("*.py") if file.name != "jacobians.py"]
     digest = hashlib.sha256()
-    others = ("spline", "terrain", "settle", "pose", "maps/cells", "maps/ground", "maps/limits", "maps/tile")
+    others = (
+    "terrain/spline", "terrain/heightfield", "settling/settle", "settling/pose",
+    "maps/cells", "maps/ground", "maps/limits", "maps/tile",
+)  # fmt: skip
     for file in sorted([*kernels, *(here / f"{name}.py" for name in others)]):
         digest.update(file.read_bytes())
     return digest.hexdigest()

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..rover import Rover
-from ..settle import Mode, settle
-from ..status import Status
-from ..terrain import Terrain
+from ..rover.model import Rover
+from ..settling.settle import Mode, settle
+from ..settling.status import Status
+from ..terrain.heightfield import Terrain
 from .cells import Cells, Tile
 from .ground import Ground, Span, nodes_under, reach
 from .layers import LAYERS

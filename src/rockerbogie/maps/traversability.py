@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import __version__
+from .._version import __version__
 from ..errors import RockerbogieError, expect
-from ..rover import LOAD_ROVER, Rover
-from ..settle import Mode
-from ..terrain import Interpolation, Terrain
+from ..rover.model import LOAD_ROVER, Rover
+from ..settling.settle import Mode
+from ..terrain.heightfield import Interpolation, Terrain
 from .cells import TILE, Tile, cells_over
 from .ground import Ground, hold_ground, open_ground
 from .layers import LAYERS, chosen_layers, dataset

@@ -1,0 +1,1 @@
+"""Compilation and memory access: the only kernel modules that import numba or llvmlite."""

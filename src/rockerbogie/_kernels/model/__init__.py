@@ -1,0 +1,1 @@
+"""Models of ground, wheel and linkage at one pose."""

@@ -1,0 +1,116 @@
+"""Eq. 9 for six wheels: what each rate of a wheel's chain gives to the body's twist. The algebra is in docs/jacobians.md."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit.decorators import fused, inlined
+from .linkage import P_HUB, P_KNEE, P_OFFSET, P_PIVOT, P_RADIUS, right_rocker
+from .sincos import FAR, sincos
+
+Array = NDArray[np.float64]
+
+#: Angles of a pose that want a sine: both rockers, both bogies' links, steering and contact of six wheels.
+ARM, HANG, TURN, TOUCH, ANGLES = 0, 2, 4, 10, 16
+BLOCK = 8  # poses whose sines are taken together
+
+
+@inlined
+def _row(
+    J: Array, k: int, i: int, row: int, rocker: float, left: float, right: float, steering: float,
+    wheel: float, roll: float, side: float, turn: float, contact: float,
+) -> None:  # fmt: skip
+    """One component of the twist, by `JACOBIAN_COLUMNS`."""
+    J[k, i, row, 0], J[k, i, row, 1], J[k, i, row, 2], J[k, i, row, 3] = rocker, left, right, steering
+    J[k, i, row, 4], J[k, i, row, 5], J[k, i, row, 6], J[k, i, row, 7], J[k, i, row, 8] = wheel, roll, side, turn, contact
+
+
+@inlined
+def _frame(
+    T: Array, k: int, i: int, xx: float, xy: float, xz: float, yx: float, yy: float, yz: float,
+    zx: float, zz: float, px: float, py: float, pz: float,
+) -> None:  # fmt: skip
+    """The axle's directions and place in the body; its z lies in the link's plane."""
+    T[k, i, 0, 0], T[k, i, 0, 1], T[k, i, 0, 2], T[k, i, 0, 3] = xx, yx, zx, px
+    T[k, i, 1, 0], T[k, i, 1, 1], T[k, i, 1, 2], T[k, i, 1, 3] = xy, yy, 0.0, py
+    T[k, i, 2, 0], T[k, i, 2, 1], T[k, i, 2, 2], T[k, i, 2, 3] = xz, yz, zz, pz
+    T[k, i, 3, 0], T[k, i, 3, 1], T[k, i, 3, 2], T[k, i, 3, 3] = 0.0, 0.0, 0.0, 1.0
+
+
+@inlined
+def _near_zero(angle: float) -> float:
+    """The same angle, within what `sincos` takes."""
+    return angle if not abs(angle) > FAR else math.atan2(math.sin(angle), math.cos(angle))
+
+
+@fused
+def wheel_jacobians_batch(
+    rover: Array, steers: NDArray[np.bool_], rocker: Array, bogie: Array, steering: Array, contact: Array,
+    J: Array, frames: Array, start: int, stop: int,
+) -> None:  # fmt: skip
+    """Fill J (n, 6, 6, 9) from rocker (n,), bogie (n, 2), steering (n, 6) or (1, 6) and contact angles (n, 6).
+
+    Axes of J: pose, wheel, twist component, column. Frames (n, 6, 4, 4), axle to body, are filled too if there are any.
+    The angles of a block of poses are laid side by side and their sines worked out together: one by one they were most
+    of the time. A hinge along y at (x, ·, z) turns the body the other way: (z, 0, -x, 0, -1, 0); a slip goes along an axis
+    of the contact; a turn at unit rate about the axis a through the point p is (p × a, a). The normal goes through the hub.
+    """
+    angle, sine, cosine, slope = np.empty(ANGLES * BLOCK), np.empty(ANGLES * BLOCK), np.empty(ANGLES * BLOCK), np.empty(BLOCK)
+    for first in range(start, stop, BLOCK):
+        count = min(BLOCK, stop - first)
+        for lane in range(count):
+            k, at = first + lane, ANGLES * lane
+            other, slope[lane] = right_rocker(rover, rocker[k])
+            angle[at + ARM], angle[at + ARM + 1] = _near_zero(rocker[k]), _near_zero(other)
+            for side in range(2):
+                angle[at + HANG + side] = _near_zero(angle[at + ARM + side] + bogie[k, side])
+            for i in range(6):
+                angle[at + TURN + i] = _near_zero(steering[k if steering.shape[0] > 1 else 0, i])
+                angle[at + TOUCH + i] = _near_zero(contact[k, i])
+        sincos(angle, ANGLES * count, sine, cosine)
+        for lane in range(count):
+            k, at = first + lane, ANGLES * lane
+            for side in range(2):
+                rate = 1.0 if side == 0 else slope[lane]
+                px, py, pz = rover[P_PIVOT + 3 * side], rover[P_PIVOT + 3 * side + 1], rover[P_PIVOT + 3 * side + 2]
+                dx, dy, dz = rover[P_KNEE + 3 * side], rover[P_KNEE + 3 * side + 1], rover[P_KNEE + 3 * side + 2]
+                ca, sa = cosine[at + ARM + side], sine[at + ARM + side]
+                kx, ky, kz = px + ca * dx + sa * dz, py + dy, pz - sa * dx + ca * dz
+                cb, sb = cosine[at + HANG + side], sine[at + HANG + side]
+                for group in range(3):
+                    i = 2 * group + side
+                    if group == 0:
+                        ox, oy, oz, cl, sl = px, py, pz, ca, sa
+                        left, lx, lz, right, rx, rz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+                    else:
+                        ox, oy, oz, cl, sl = kx, ky, kz, cb, sb
+                        left, right = 1.0 - side, 0.0 + side
+                        lx, lz, rx, rz = left * kx, left * kz, right * kx, right * kz
+                    cs, ss = cosine[at + TURN + i], sine[at + TURN + i]
+                    bx, by = rover[P_OFFSET + 2 * i], rover[P_OFFSET + 2 * i + 1]
+                    fx, fy, fz = rover[P_HUB + 3 * i] + bx, rover[P_HUB + 3 * i + 1] + by, rover[P_HUB + 3 * i + 2]
+                    # the steering axis, upright in its link, goes through the point s at the hub's height
+                    sx, sy, sz = ox + cl * fx + sl * fz, oy + fy, oz - sl * fx + cl * fz
+                    turns = 1.0 if steers[i] else 0.0
+                    wx, wz = 0.0 - sl * turns, 0.0 - cl * turns
+                    fx, fy = fx - cs * bx + ss * by, fy - ss * bx - cs * by
+                    hx, hy, hz = ox + cl * fx + sl * fz, oy + fy, oz - sl * fx + cl * fz
+                    cd, sd = cosine[at + TOUCH + i], sine[at + TOUCH + i]
+                    ax, ay, az = cs * cl, ss, -cs * sl  # the axle's frame: forward, along the axle, and up (sl, 0, cl)
+                    yx, yy, yz = -ss * cl, cs, ss * sl
+                    xx, xy, xz = cd * ax - sd * sl, cd * ay, cd * az - sd * cl
+                    zx, zy, zz = sd * ax + cd * sl, sd * ay, sd * az + cd * cl
+                    r = rover[P_RADIUS + i]
+                    tx, ty, tz = hy * zz - hz * zy, hz * zx - hx * zz, hx * zy - hy * zx  # h × z, and h × -y
+                    ux, uy, uz = hz * yy - hy * yz, hx * yz - hz * yx, hy * yx - hx * yy
+                    _row(J, k, i, 0, pz * rate, lz, rz, sy * wz, r * xx, xx, yx, tx, ux)
+                    _row(J, k, i, 1, 0.0, 0.0, 0.0, sz * wx - sx * wz, r * xy, xy, yy, ty, uy)
+                    _row(J, k, i, 2, -px * rate, 0.0 - lx, 0.0 - rx, -sy * wx, r * xz, xz, yz, tz, uz)
+                    _row(J, k, i, 3, 0.0, 0.0, 0.0, wx, 0.0, 0.0, 0.0, zx, -yx)
+                    _row(J, k, i, 4, -rate, 0.0 - left, 0.0 - right, 0.0, 0.0, 0.0, 0.0, zy, -yy)
+                    _row(J, k, i, 5, 0.0, 0.0, 0.0, wz, 0.0, 0.0, 0.0, zz, -yz)
+                    if frames.shape[0] > 0:
+                        _frame(frames, k, i, ax, ay, az, yx, yy, yz, sl, cl, hx, hy, hz)

@@ -1,0 +1,138 @@
+"""The packed rover, and where its wheels stand for given joint angles.
+
+The unknowns of a pose are q = (z, roll, pitch, ρ, β left, β right); the rest of it is given.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit.decorators import inlined, njit, welded
+from .wheel import make_wheel
+
+Array = NDArray[np.float64]
+
+# The packed rover, one flat array. Links are given from their own pivot, in the body's directions at rest.
+P_PIVOT = 0  # (2, 3) rocker pivots
+P_KNEE = 6  # (2, 3) bogie pivot from rocker pivot
+P_HUB = 12  # (6, 3) hub from its rocker pivot (wheels 0, 1) or bogie pivot (2..5)
+P_OFFSET = 30  # (6, 2) steering axis from hub
+P_RADIUS = 42  # (6,)
+P_HALF = 48  # (6,) half widths
+P_STOPS = 54  # rocker low, high, bogie low, high
+P_BOX = 58  # (2, 3) the body's box
+P_BODY = 64  # mass, com
+P_ROCKER = 68  # (2, 4) mass, com
+P_BOGIE = 76  # (2, 4)
+P_WHEEL = 84  # (6, 4) mass, com from the hub
+P_ORDER = 108  # number of differential coefficients
+P_DIFF = 109  # and they, 24 at most
+P_SIZE = 133
+
+Z, ROLL, PITCH, ROCKER, BOGIE_L, BOGIE_R = range(6)
+
+
+@inlined
+def right_rocker(rover: Array, rho: float) -> tuple[float, float]:
+    """The right rocker's angle and its derivative, through the differential."""
+    n = int(rover[P_ORDER])
+    value = slope = 0.0
+    for k in range(n - 1, -1, -1):
+        slope = slope * rho + value
+        value = value * rho + rover[P_DIFF + k]
+    return value, slope
+
+
+@njit
+def stand_feet(rover: Array, steering: Array, feet: Array) -> None:
+    """What steering alone decides: feet (6, 5) is hub from its pivot in the link (3), and cos, sin of the steering angle."""
+    for i in range(6):
+        c, s = math.cos(steering[i]), math.sin(steering[i])
+        ox, oy = rover[P_OFFSET + 2 * i], rover[P_OFFSET + 2 * i + 1]
+        feet[i, 0] = rover[P_HUB + 3 * i] + ox - (c * ox - s * oy)
+        feet[i, 1] = rover[P_HUB + 3 * i + 1] + oy - (s * ox + c * oy)
+        feet[i, 2] = rover[P_HUB + 3 * i + 2]
+        feet[i, 3], feet[i, 4] = c, s
+
+
+@njit
+def body_axes(roll: float, pitch: float, cy: float, sy: float, axes: Array) -> None:
+    """axes (3, 3): rows are the body's x, y, z directions in the world; (cy, sy) of yaw."""
+    cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
+    axes[0, 0], axes[0, 1], axes[0, 2] = cy * cp, sy * cp, -sp
+    axes[1, 0], axes[1, 1], axes[1, 2] = cy * sp * sr - sy * cr, sy * sp * sr + cy * cr, cp * sr
+    axes[2, 0], axes[2, 1], axes[2, 2] = cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr
+
+
+@njit
+def stand(
+    rover: Array, feet: Array, x: float, y: float, cy: float, sy: float, q: Array, axes: Array, knees: Array, wheels: Array
+) -> bool:
+    """Place the linkage: axes (3, 3), knees (4, 3) both rocker then both bogie pivots from the body's origin, wheels (6, :).
+
+    (x, y) from the map's first node. False when a wheel lies on its side.
+    """
+    body_axes(q[ROLL], q[PITCH], cy, sy, axes)
+    qr, _ = right_rocker(rover, q[ROCKER])
+    upright = True
+    for side in range(2):
+        arm = q[ROCKER] if side == 0 else qr
+        px, py, pz = rover[P_PIVOT + 3 * side], rover[P_PIVOT + 3 * side + 1], rover[P_PIVOT + 3 * side + 2]
+        kx, ky, kz = rover[P_KNEE + 3 * side], rover[P_KNEE + 3 * side + 1], rover[P_KNEE + 3 * side + 2]
+        for n in range(3):
+            ca, sa = math.cos(arm), math.sin(arm)
+            lx, lz = axes[0, n] * ca - axes[2, n] * sa, axes[0, n] * sa + axes[2, n] * ca
+            knees[side, n] = axes[0, n] * px + axes[1, n] * py + axes[2, n] * pz
+            knees[2 + side, n] = knees[side, n] + lx * kx + axes[1, n] * ky + lz * kz
+        for g in range(3):
+            i = 2 * g + side
+            angle = arm if g == 0 else arm + q[BOGIE_L + side]
+            ct, st = math.cos(angle), math.sin(angle)
+            base = side if g == 0 else 2 + side
+            c, s = feet[i, 3], feet[i, 4]
+            x_x, x_y, x_z = (
+                axes[0, 0] * ct - axes[2, 0] * st,
+                axes[0, 1] * ct - axes[2, 1] * st,
+                axes[0, 2] * ct - axes[2, 2] * st,
+            )
+            z_x, z_y, z_z = (
+                axes[0, 0] * st + axes[2, 0] * ct,
+                axes[0, 1] * st + axes[2, 1] * ct,
+                axes[0, 2] * st + axes[2, 2] * ct,
+            )
+            hx = knees[base, 0] + x_x * feet[i, 0] + axes[1, 0] * feet[i, 1] + z_x * feet[i, 2]
+            hy = knees[base, 1] + x_y * feet[i, 0] + axes[1, 1] * feet[i, 1] + z_y * feet[i, 2]
+            hz = knees[base, 2] + x_z * feet[i, 0] + axes[1, 2] * feet[i, 1] + z_z * feet[i, 2]
+            upright &= make_wheel(
+                wheels[i], x + hx, y + hy, q[Z] + hz,
+                axes[1, 0] * c - x_x * s, axes[1, 1] * c - x_y * s, axes[1, 2] * c - x_z * s,
+                z_x, z_y, z_z, rover[P_RADIUS + i], rover[P_HALF + i],
+            )  # fmt: skip
+    return upright
+
+
+@welded
+def slope_row(
+    rover: Array, q: Array, cy: float, sy: float, axes: Array, knees: Array, i: int,
+    px: float, py: float, pz: float, gx: float, gy: float, row: Array,
+) -> None:  # fmt: skip
+    """Fill row (6,) with the change of wheel i's gap per unit of each unknown; its contact (px, py, pz) is from the
+    body's origin and (-gx, -gy, 1) is normal to it. By the envelope theorem the contact's own wandering adds nothing."""
+    side = i % 2
+    row[Z] = 1.0
+    # ω × p for ω = body x, the level y axis, body y
+    ax, ay, az = axes[0, 0], axes[0, 1], axes[0, 2]
+    row[ROLL] = -gx * (ay * pz - az * py) - gy * (az * px - ax * pz) + (ax * py - ay * px)
+    row[PITCH] = -gx * (cy * pz) - gy * (sy * pz) - (sy * py + cy * px)
+    ax, ay, az = axes[1, 0], axes[1, 1], axes[1, 2]
+    dx, dy, dz = px - knees[side, 0], py - knees[side, 1], pz - knees[side, 2]
+    _, slope = right_rocker(rover, q[ROCKER])
+    rate = 1.0 if side == 0 else slope
+    row[ROCKER] = rate * (-gx * (ay * dz - az * dy) - gy * (az * dx - ax * dz) + (ax * dy - ay * dx))
+    row[BOGIE_L] = row[BOGIE_R] = 0.0
+    if i >= 2:
+        dx, dy, dz = px - knees[2 + side, 0], py - knees[2 + side, 1], pz - knees[2 + side, 2]
+        row[BOGIE_L + side] = -gx * (ay * dz - az * dy) - gy * (az * dx - ax * dz) + (ax * dy - ay * dx)

@@ -1,0 +1,70 @@
+"""Where the rover's mass is: the height of its centre, and how that changes with the pose."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit.decorators import njit
+from .linkage import P_BODY, P_BOGIE, P_ROCKER, P_WHEEL, ROCKER, right_rocker, slope_row
+
+Array = NDArray[np.float64]
+
+
+@njit
+def centre_of_mass(rover: Array, feet: Array, q: Array, cy: float, sy: float, axes: Array, knees: Array, slope: Array) -> float:
+    """Height of the centre of mass over the body's origin, and its change (6,) per unit of each unknown."""
+    row = np.empty(6)
+    slope[:] = 0.0
+    total = height = 0.0
+    m, a, b, c = rover[P_BODY], rover[P_BODY + 1], rover[P_BODY + 2], rover[P_BODY + 3]
+    px = axes[0, 0] * a + axes[1, 0] * b + axes[2, 0] * c
+    py = axes[0, 1] * a + axes[1, 1] * b + axes[2, 1] * c
+    pz = axes[0, 2] * a + axes[1, 2] * b + axes[2, 2] * c
+    slope_row(rover, q, cy, sy, axes, knees, 0, px, py, pz, 0.0, 0.0, row)
+    total += m
+    height += m * pz
+    for k in range(3):
+        slope[k] += m * row[k]
+    qr, _ = right_rocker(rover, q[ROCKER])
+    for side in range(2):
+        arm = q[ROCKER] if side == 0 else qr
+        for part in range(5):  # rocker, bogie, and the three wheels of this side
+            i = 2 * (part - 2) + side if part >= 2 else (side if part == 0 else 2 + side)
+            at = P_ROCKER + 4 * side if part == 0 else (P_BOGIE + 4 * side if part == 1 else P_WHEEL + 4 * i)
+            m, a, b, c = rover[at], rover[at + 1], rover[at + 2], rover[at + 3]
+            if part >= 2:  # a wheel's mass hangs in its link as its hub does; steering turns its offset with it
+                cs, sn = feet[i, 3], feet[i, 4]
+                a, b = feet[i, 0] + cs * a - sn * b, feet[i, 1] + sn * a + cs * b
+                c += feet[i, 2]
+            angle = arm + q[4 + side] if i >= 2 else arm
+            base = 2 + side if i >= 2 else side
+            ct, st = math.cos(angle), math.sin(angle)
+            px = (
+                knees[base, 0]
+                + (axes[0, 0] * ct - axes[2, 0] * st) * a
+                + axes[1, 0] * b
+                + (axes[0, 0] * st + axes[2, 0] * ct) * c
+            )
+            py = (
+                knees[base, 1]
+                + (axes[0, 1] * ct - axes[2, 1] * st) * a
+                + axes[1, 1] * b
+                + (axes[0, 1] * st + axes[2, 1] * ct) * c
+            )
+            pz = (
+                knees[base, 2]
+                + (axes[0, 2] * ct - axes[2, 2] * st) * a
+                + axes[1, 2] * b
+                + (axes[0, 2] * st + axes[2, 2] * ct) * c
+            )
+            slope_row(rover, q, cy, sy, axes, knees, i, px, py, pz, 0.0, 0.0, row)
+            total += m
+            height += m * pz
+            for k in range(6):
+                slope[k] += m * row[k]
+    for k in range(6):
+        slope[k] /= total
+    return height / total

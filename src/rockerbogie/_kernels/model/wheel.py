@@ -1,0 +1,199 @@
+"""One wheel's tread as a surface: its points, and what is kept of one that is near the ground.
+
+The tread is the rim of radius r swept along the axle a over ±b. With τ the axle's tilt, e1 the level direction in the
+wheel's plane and e3 its upward one, a point of it is
+
+    hub + s a + u e1 - q e3,   (u, q) = r (sin φ, cos φ),  |s| ≤ b,
+
+and over a level place (u along e1, v along the axle's level direction) its lower half stands at
+
+    T(u, v) = z_hub + v tan τ - sqrt(r² - u²) / cos τ,   where  v = s cos τ + q sin τ.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit.decorators import inlined, njit
+from .ground import META_CUBIC, surface
+
+Array = NDArray[np.float64]
+
+# A wheel in one flat array: hub, axle, e1, e3, cos τ, tan τ, radius, half width, the axle's level direction, the axle frame's z.
+HX, HY, HZ, AX, AY, AZ, EX, EY, UX, UY, UZ, COS, TAN, RADIUS, HALF, VX, VY, ZX, ZY, ZZ = range(20)
+# And what its search writes down: the surface of a cell, a plane below the tread, where a rim crosses a cell, the bends of a
+# cell and of several, bounds of a row of cells. One array is quick to hand on, many are not.
+CELL, PLANE, ENDS, BENDS, BENDS_OF_ALL, BOUND = 20, 24, 27, 83, 93, 103
+ROW = 64  # cells bounded at once
+WHEEL_SIZE = BOUND + ROW
+
+# A place on the tread: its gap to the ground, sin φ, cos φ, s.
+GAP, SIN, COSINE, PLACE = range(4)
+PLACE_SIZE = 4
+
+TIE = 1e-13  # m
+BESIDE = 1e-4  # rad
+FLAT = 0.05  # cos τ below which a wheel lies on its side: no contact is sought
+
+
+@njit
+def make_wheel(
+    wheel: Array,
+    x: float,
+    y: float,
+    z: float,
+    ax: float,
+    ay: float,
+    az: float,
+    zx: float,
+    zy: float,
+    zz: float,
+    radius: float,
+    half: float,
+) -> bool:
+    """Fill `wheel` (WHEEL_SIZE,) from its hub, its axle and the axle frame's z; false when it lies on its side."""
+    level = math.sqrt(ax * ax + ay * ay)
+    if not level > FLAT:
+        return False
+    vx, vy = ax / level, ay / level
+    wheel[HX], wheel[HY], wheel[HZ] = x, y, z
+    wheel[AX], wheel[AY], wheel[AZ] = ax, ay, az
+    wheel[VX], wheel[VY] = vx, vy
+    wheel[EX], wheel[EY] = vy, -vx
+    wheel[UX], wheel[UY], wheel[UZ] = -az * vx, -az * vy, level
+    wheel[COS], wheel[TAN] = level, az / level
+    wheel[ZX], wheel[ZY], wheel[ZZ] = zx, zy, zz
+    wheel[RADIUS], wheel[HALF] = radius, half
+    return True
+
+
+@inlined
+def tread_point(w: Array, sine: float, cosine: float, s: float) -> tuple[float, float, float]:
+    """Offset from the hub of the tread's point (φ, s)."""
+    u, q = w[RADIUS] * sine, w[RADIUS] * cosine
+    return s * w[AX] + u * w[EX] - q * w[UX], s * w[AY] + u * w[EY] - q * w[UY], s * w[AZ] - q * w[UZ]
+
+
+@njit
+def covers(w: Array, x0: float, x1: float, y0: float, y1: float) -> bool:
+    """Return True if a point of the tread lies over the inside of a level rectangle.
+
+    Over (u, v) the tread's two halves are |u| <= r, |v - a q| <= b cos τ with q = sqrt(r² - u²) and a = ±az. The rectangle is
+    convex, so v - a q takes every value between its extremes on the rectangle's part in |u| <= r, and these lie on its sides.
+
+    Args:
+        w: (WHEEL_SIZE,) wheel.
+        x0, x1, y0, y1: the rectangle, m from the hub.
+    """
+    r, reach = w[RADIUS], w[HALF] * w[COS]
+    for half in range(2):
+        lean = w[AZ] if half == 0 else -w[AZ]
+        sign, lean = math.copysign(1.0, lean), abs(lean)
+        low, high = math.inf, -math.inf
+        for side in range(4):
+            px, py = (x1 if side == 1 or side == 2 else x0), (y1 if side >= 2 else y0)
+            qx, qy = (x1 if side <= 1 else x0), (y1 if side == 1 or side == 2 else y0)
+            u0, v0 = px * w[EX] + py * w[EY], sign * (px * w[VX] + py * w[VY])
+            du, dv = qx * w[EX] + qy * w[EY] - u0, sign * (qx * w[VX] + qy * w[VY]) - v0
+            first, last = 0.0, 1.0
+            if abs(du) > 1e-12 * r:
+                ta, tb = (-r - u0) / du, (r - u0) / du
+                first, last = max(first, min(ta, tb)), min(last, max(ta, tb))
+            elif abs(u0) > r:
+                continue
+            if first > last:
+                continue
+            stationary = first
+            if lean * abs(du) > 1e-12 * r:
+                m = -dv / (lean * du)
+                stationary = min(max((r * m / math.sqrt(1.0 + m * m) - u0) / du, first), last)
+            for k in range(3):
+                t = first if k == 0 else (last if k == 1 else stationary)
+                u = u0 + t * du
+                f = v0 + t * dv - lean * math.sqrt(max(r * r - u * u, 0.0))
+                low, high = min(low, f), max(high, f)
+        if low <= reach and high >= -reach:
+            return True
+    return False
+
+
+@njit
+def gap_at(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s: float) -> float:
+    """Height of the tread's point (φ, s) over the ground."""
+    x, y, z = tread_point(w, sine, cosine, s)
+    return w[HZ] + z - surface(grid, meta, w[HX] + x, w[HY] + y)[0]
+
+
+@inlined
+def note(w: Array, best: Array, gap: float, sine: float, cosine: float, s: float, keep: float, found: Array, count: int) -> int:
+    """Hold a place as the best if it is, and keep it if its gap is below `keep`. Returns how many are kept."""
+    # a contact does not jump between places that tie but for rounding; one right beside the best is the same, found better
+    beside = abs(sine - best[SIN]) + abs(cosine - best[COSINE]) < BESIDE and s == best[PLACE]
+    if gap < best[GAP] - TIE or (beside and gap < best[GAP] + TIE):
+        best[GAP], best[SIN], best[COSINE], best[PLACE] = gap, sine, cosine, s
+    if gap <= keep and found.shape[0] > 0:
+        spot = count if count < found.shape[0] else dispensable(w, found, gap, sine, cosine, s)
+        if spot >= 0:
+            found[spot, GAP], found[spot, SIN], found[spot, COSINE], found[spot, PLACE] = gap, sine, cosine, s
+        count = min(count + 1, found.shape[0])
+    return count
+
+
+@njit
+def dispensable(w: Array, found: Array, gap: float, sine: float, cosine: float, s: float) -> int:
+    """Which of the places found makes room for one more: of the two that lie closest to each other, the higher. -1 if that
+    is the new one."""
+    n = found.shape[0]
+    r = w[RADIUS]
+    closest, spot = math.inf, -1
+    for i in range(n):
+        apart = r * (abs(found[i, SIN] - sine) + abs(found[i, COSINE] - cosine)) + abs(found[i, PLACE] - s)
+        if apart < closest:
+            closest, spot = apart, (i if found[i, GAP] > gap else -1)
+    if closest < 0.1 * r:  # two of one neighbourhood: which are the closest of all is no matter
+        return spot
+    for i in range(n):
+        for j in range(i):
+            apart = r * (abs(found[i, SIN] - found[j, SIN]) + abs(found[i, COSINE] - found[j, COSINE]))
+            apart += abs(found[i, PLACE] - found[j, PLACE])
+            if apart < closest:
+                closest, spot = apart, (i if found[i, GAP] > found[j, GAP] else j)
+    return spot
+
+
+@njit
+def contact_slope(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s: float) -> tuple[float, float]:
+    """(gx, gy) with (-gx, -gy, 1) normal to the contact at (φ, s): the gap's slope under small motions of the wheel.
+
+    Inside the tread that is the tread's own normal; on a rim it is the ground's, and on a ridge of the ground the one
+    between its two sides' that is square to the rim.
+    """
+    if abs(s) < w[HALF] and cosine > 1e-6:
+        nx, ny, nz = -sine * w[EX] + cosine * w[UX], -sine * w[EY] + cosine * w[UY], cosine * w[UZ]
+        return -nx / nz, -ny / nz
+    x, y, _ = tread_point(w, sine, cosine, s)
+    if meta[META_CUBIC] != 0.0:
+        _, ax, ay, _, _, _ = surface(grid, meta, w[HX] + x, w[HY] + y)
+        return ax, ay
+    tx, ty, tz = cosine * w[EX] + sine * w[UX], cosine * w[EY] + sine * w[UY], sine * w[UZ]
+    step = 1e-8 * w[RADIUS]
+    _, ax, ay, _, _, _ = surface(grid, meta, w[HX] + x - step * tx, w[HY] + y - step * ty)
+    _, bx, by, _, _, _ = surface(grid, meta, w[HX] + x + step * tx, w[HY] + y + step * ty)
+    ga, gb = tz - ax * tx - ay * ty, tz - bx * tx - by * ty
+    part = ga / (ga - gb) if abs(ga - gb) > 1e-6 else 0.5
+    part = min(max(part, 0.0), 1.0)
+    return ax + part * (bx - ax), ay + part * (by - ay)
+
+
+@njit
+def contact_angle(w: Array, sine: float, cosine: float, s: float) -> float:
+    """The paper's δ (eq. 5) of the tread's point (φ, s): from straight below the axle in the link, nose-down positive."""
+    px, py, pz = tread_point(w, sine, cosine, s)
+    px, py, pz = px - s * w[AX], py - s * w[AY], pz - s * w[AZ]
+    # the axle frame's z, and x = y × z
+    zx, zy, zz = w[ZX], w[ZY], w[ZZ]
+    xx, xy, xz = w[AY] * zz - w[AZ] * zy, w[AZ] * zx - w[AX] * zz, w[AX] * zy - w[AY] * zx
+    return math.atan2(-(px * xx + py * xy + pz * xz), -(px * zx + py * zy + pz * zz))

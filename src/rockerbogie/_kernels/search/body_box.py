@@ -1,0 +1,442 @@
+"""Where the body's box comes near the ground: its lower faces, and their edges and corners.
+
+The box's lower side is convex and made of flat faces. Over bilinear ground it comes nearest over a ground node, or along
+one of its own edges, piece by piece between grid lines. Over cubic ground a face may also come nearest inside a cell:
+parts of the cell are quartered, and of an edge halved, until bounds on the spline's second and third derivatives prove
+that a part holds no such place, or one hollow, where Newton finds it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit.decorators import njit
+from ..model.ground import META_CUBIC, META_DX, META_DY, META_NX, META_NY, Ground, on_map, surface
+from .cubic_cell import ARRIVED, BENDS_SIZE, XX, XXX, XXY, XY, XYY, YY, YYY, bounded_step, cell_bends
+from .tread import BLANK, FOUND, OFF
+
+Array = NDArray[np.float64]
+
+# A place where the box is near the ground: gap, offset from the body's origin in the world, and (gx, gy) with
+# (-gx, -gy, 1) normal to the contact.
+N_GAP, N_X, N_Y, N_Z, N_GX, N_GY = range(6)
+NEAR_SIZE = 6
+NEAR_ROOM = 12
+APART = 0.1  # places closer than this share of the box's length are one
+NO_MATTER = 1e-9  # m
+FINE = 1e-6  # of a cell: what is not decided by then is as near as makes no difference
+
+
+@njit
+def _take(near: Array, count: int, apart: float, gap: float, x: float, y: float, z: float, gx: float, gy: float) -> int:
+    """Keep the lowest places, one for each neighbourhood."""
+    spot = -1
+    for k in range(count):
+        if abs(near[k, N_X] - x) + abs(near[k, N_Y] - y) < apart:
+            if near[k, N_GAP] <= gap:
+                return count
+            spot = k
+            break
+    if spot < 0:
+        if count < near.shape[0]:
+            spot = count
+            count += 1
+        else:
+            spot = 0
+            for k in range(1, count):
+                if near[k, N_GAP] > near[spot, N_GAP]:
+                    spot = k
+            if near[spot, N_GAP] <= gap:
+                return count
+    near[spot, N_GAP], near[spot, N_X], near[spot, N_Y], near[spot, N_Z] = gap, x, y, z
+    near[spot, N_GX], near[spot, N_GY] = gx, gy
+    return count
+
+
+@njit
+def least_clearance(near: Array, count: int, cap: float = math.inf) -> float:
+    """The lowest of the places found, and of `cap`."""
+    low = cap
+    for k in range(count):
+        low = min(low, near[k, N_GAP])
+    return low
+
+
+@njit
+def box_over_ground(
+    ground: Ground, box: Array, axes: Array, x: float, y: float, z: float, margin: float, near: Array
+) -> tuple[int, int]:
+    """List the lowest place of the body's box over the terrain, and others up to `margin` higher.
+
+    Args:
+        ground: terrain.
+        box: (6,) low and high corner in the body's frame, m.
+        axes: (3, 3) the body's directions in the world, one a row.
+        x, y, z: m, the body's origin from the map's first node and the datum.
+        margin: m; 0 for the lowest place alone, within NO_MATTER.
+        near: (n, NEAR_SIZE) filled with the places.
+
+    Returns:
+        FOUND, OFF (the map ends under the box; nothing is listed) or BLANK (missing data under it; places over known cells are
+        listed), and how many places are listed.
+    """
+    grid, roof, meta = ground
+    bends = np.empty(BENDS_SIZE)
+    low = np.empty(3)  # the box's lower corner in each of its own directions
+    high = np.empty(3)
+    size = 0.0
+    for k in range(3):
+        low[k] = box[k] if axes[k, 2] > 0.0 else box[3 + k]
+        high[k] = box[3 + k] if axes[k, 2] > 0.0 else box[k]
+        size = max(size, box[3 + k] - box[k])
+    apart = APART * size
+    dx, dy = meta[META_DX], meta[META_DY]
+    x_min = y_min = math.inf
+    x_max = y_max = -math.inf
+    for corner in range(8):
+        a = box[0] if corner & 1 else box[3]
+        b = box[1] if corner & 2 else box[4]
+        c = box[2] if corner & 4 else box[5]
+        ox = axes[0, 0] * a + axes[1, 0] * b + axes[2, 0] * c
+        oy = axes[0, 1] * a + axes[1, 1] * b + axes[2, 1] * c
+        x_min, x_max, y_min, y_max = min(x_min, ox), max(x_max, ox), min(y_min, oy), max(y_max, oy)
+    if not (on_map(meta, x + x_min, y + y_min) and on_map(meta, x + x_max, y + y_max)):
+        return OFF, 0
+    code, count = FOUND, 0
+    # somewhere on the box the gap is no greater than at these places of its lowest face: what lies higher is passed by
+    down = 0
+    for k in range(1, 3):
+        if abs(axes[k, 2]) > abs(axes[down, 2]):
+            down = k
+    a, b = (down + 1) % 3, (down + 2) % 3
+    cap, cap_x, cap_y, cap_z = math.inf, 0.0, 0.0, 0.0
+    for place in range(5):
+        pa = 0.5 * (box[a] + box[3 + a]) if place == 4 else (box[a] if place & 1 else box[3 + a])
+        pb = 0.5 * (box[b] + box[3 + b]) if place == 4 else (box[b] if place & 2 else box[3 + b])
+        ox = axes[a, 0] * pa + axes[b, 0] * pb + axes[down, 0] * low[down]
+        oy = axes[a, 1] * pa + axes[b, 1] * pb + axes[down, 1] * low[down]
+        oz = axes[a, 2] * pa + axes[b, 2] * pb + axes[down, 2] * low[down]
+        gap = z + oz - surface(grid, meta, x + ox, y + oy)[0]
+        if gap < cap:
+            cap, cap_x, cap_y, cap_z = gap, ox, oy, oz
+    # to list places, ties count; for the lowest alone, what is lower by less than NO_MATTER is not looked for
+    seek = margin + NO_MATTER if margin > 0.0 else -NO_MATTER
+    for face in range(3):  # the edges' direction; three of them are on the lower side
+        a, b = (face + 1) % 3, (face + 2) % 3
+        for end in range(3):
+            pa = low[a] if end != 1 else high[a]
+            pb = low[b] if end != 2 else high[b]
+            sx = axes[a, 0] * pa + axes[b, 0] * pb + axes[face, 0] * box[face]
+            sy = axes[a, 1] * pa + axes[b, 1] * pb + axes[face, 1] * box[face]
+            sz = axes[a, 2] * pa + axes[b, 2] * pb + axes[face, 2] * box[face]
+            kept = _edge(
+                ground, bends, x, y, z, sx, sy, sz, axes[face, 0], axes[face, 1], axes[face, 2], box[3 + face] - box[face],
+                cap, seek, apart, near, count,
+            )  # fmt: skip
+            if kept < 0:
+                code, kept = BLANK, -1 - kept
+            count = kept
+    last_i, last_j = int(meta[META_NX]) - 2, int(meta[META_NY]) - 2
+    i0, i1 = min(int(math.floor((x + x_min) / dx)), last_i), min(int(math.floor((x + x_max) / dx)), last_i)
+    j0, j1 = min(int(math.floor((y + y_min) / dy)), last_j), min(int(math.floor((y + y_max) / dy)), last_j)
+    half_x, half_y = 0.5 * dx, 0.5 * dy
+    for face in range(3):
+        nz = axes[face, 2]
+        if abs(nz) < 1e-6:
+            continue
+        a, b = (face + 1) % 3, (face + 2) % 3
+        # over the offset (X, Y) from the body's origin the face's plane stands at c0 + gx X + gy Y, and is at (pa, pb) of the box
+        c0, gx, gy = low[face] / nz, -axes[face, 0] / nz, -axes[face, 1] / nz
+        ax, ay = axes[a, 0] + axes[a, 2] * gx, axes[a, 1] + axes[a, 2] * gy
+        bx, by = axes[b, 0] + axes[b, 2] * gx, axes[b, 1] + axes[b, 2] * gy
+        reach_a, reach_b = half_x * abs(ax) + half_y * abs(ay), half_x * abs(bx) + half_y * abs(by)
+        # the level rectangle around the face
+        long_a, long_b = 0.5 * (box[3 + a] - box[a]), 0.5 * (box[3 + b] - box[b])
+        far_x = abs(axes[a, 0]) * long_a + abs(axes[b, 0]) * long_b
+        far_y = abs(axes[a, 1]) * long_a + abs(axes[b, 1]) * long_b
+        mid_a, mid_b = box[a] + long_a, box[b] + long_b
+        mid_x = axes[face, 0] * low[face] + axes[a, 0] * mid_a + axes[b, 0] * mid_b
+        mid_y = axes[face, 1] * low[face] + axes[a, 1] * mid_a + axes[b, 1] * mid_b
+        for j in range(j0, j1 + 1):
+            oy = (j + 0.5) * dy - y
+            for i in range(i0, i1 + 1):
+                ox = (i + 0.5) * dx - x
+                pa, pb = axes[a, 2] * c0 + ax * ox + ay * oy, axes[b, 2] * c0 + bx * ox + by * oy
+                outside_a = max(box[a] - pa, pa - box[3 + a]) > reach_a
+                if outside_a or max(box[b] - pb, pb - box[3 + b]) > reach_b:
+                    continue
+                if max(abs(ox - mid_x) - half_x - far_x, abs(oy - mid_y) - half_y - far_y) > 0.0:
+                    continue
+                r0, r1, r2, r3 = roof[j, i], roof[j, i + 1], roof[j + 1, i], roof[j + 1, i + 1]
+                # the cell as far as it lies under the box
+                west, east = max(ox - half_x, x_min), min(ox + half_x, x_max)
+                south, north = max(oy - half_y, y_min), min(oy + half_y, y_max)
+                u0, u1 = 0.5 + (west - ox) / dx, 0.5 + (east - ox) / dx
+                v0, v1 = 0.5 + (south - oy) / dy, 0.5 + (north - oy) / dy
+                twist = r0 - r1 - r2 + r3
+                sw = r0 + (r1 - r0) * u0 + (r2 - r0) * v0 + twist * u0 * v0
+                se = r0 + (r1 - r0) * u1 + (r2 - r0) * v0 + twist * u1 * v0
+                nw = r0 + (r1 - r0) * u0 + (r2 - r0) * v1 + twist * u0 * v1
+                ne = r0 + (r1 - r0) * u1 + (r2 - r0) * v1 + twist * u1 * v1
+                room = (
+                    z
+                    + c0
+                    + min(
+                        min(gx * west + gy * south - sw, gx * east + gy * south - se),
+                        min(gx * west + gy * north - nw, gx * east + gy * north - ne),
+                    )
+                )
+                # beside missing data the upper bound of a known cell may be infinite
+                if room > least_clearance(near, count, cap) + seek:
+                    continue
+                known = math.isfinite(r0 + r1 + r2 + r3) if meta[META_CUBIC] == 0.0 else cell_bends(grid, i, j, dx, dy, bends)
+                if not known:
+                    code = BLANK
+                    continue
+                if meta[META_CUBIC] != 0.0:
+                    count = _face_over_cell(
+                        grid, meta, bends, x, y, z, west, east, south, north, c0, gx, gy, box, a, b,
+                        axes[a, 2] * c0, ax, ay, axes[b, 2] * c0, bx, by, cap, seek, apart, near, count,
+                    )  # fmt: skip
+                    continue
+                for corner in range(4):
+                    cx, cy = ox + (half_x if corner & 1 else -half_x), oy + (half_y if corner & 2 else -half_y)
+                    pa, pb = axes[a, 2] * c0 + ax * cx + ay * cy, axes[b, 2] * c0 + bx * cx + by * cy
+                    if box[a] <= pa <= box[3 + a] and box[b] <= pb <= box[3 + b]:
+                        oz = c0 + gx * cx + gy * cy
+                        gap = z + oz - grid[j + (corner >> 1), i + (corner & 1)]
+                        if gap <= least_clearance(near, count, cap) + seek:
+                            count = _take(near, count, apart, gap, cx, cy, oz, gx, gy)
+    if count == 0 and cap < math.inf:
+        count = _take(near, 0, apart, cap, cap_x, cap_y, cap_z, -axes[down, 0] / axes[down, 2], -axes[down, 1] / axes[down, 2])
+    return code, count
+
+
+@njit
+def _edge(
+    ground: Ground, bends: Array, x: float, y: float, z: float, sx: float, sy: float, sz: float,
+    ex: float, ey: float, ez: float, length: float, cap: float, seek: float, apart: float, near: Array, count: int,
+) -> int:  # fmt: skip
+    """List where an edge of the box is near the terrain, cell by cell.
+
+    Args:
+        ground: terrain.
+        bends: (BENDS_SIZE,) scratch.
+        x, y, z: m, the body's origin.
+        sx, sy, sz: m, the edge's start from there.
+        ex, ey, ez: its direction.
+        length: m.
+        cap, seek: m: what is sought is lower than the lowest place so far, or `cap`, plus `seek`.
+        apart: m, distance within which places are one.
+        near, count: the list and how many it holds.
+
+    Returns:
+        How many the list holds; -1 less that if a part of the edge lies over missing data.
+    """
+    grid, roof, meta = ground
+    dx, dy = meta[META_DX], meta[META_DY]
+    t = 0.0
+    known = True
+    while t < length:
+        # the piece up to the next grid line: it is told from its middle which cell it is in
+        following = length
+        for axis in range(2):
+            e, at, step = (ex, x + sx + t * ex, dx) if axis == 0 else (ey, y + sy + t * ey, dy)
+            if abs(e) > 1e-12:
+                g = at / step
+                line = math.floor(g + 1e-9) + 1.0 if e > 0.0 else math.ceil(g - 1e-9) - 1.0
+                following = min(following, t + (line * step - at) / e)
+        if length - following < 1e-12 * length:
+            following = length
+        middle = 0.5 * (t + following)
+        i = min(max(int(math.floor((x + sx + middle * ex) / dx)), 0), int(meta[META_NX]) - 2)
+        j = min(max(int(math.floor((y + sy + middle * ey) / dy)), 0), int(meta[META_NY]) - 2)
+        # over the roof the edge bends alike all along the piece
+        r0, r1, r2, r3 = roof[j, i], roof[j, i + 1], roof[j + 1, i], roof[j + 1, i + 1]
+        u, v = (x + sx + t * ex) / dx - i, (y + sy + t * ey) / dy - j
+        du, dv = (following - t) * ex / dx, (following - t) * ey / dy
+        twist = r0 - r1 - r2 + r3
+        here = z + sz + t * ez - r0 - (r1 - r0) * u - (r2 - r0) * v - twist * u * v
+        there = z + sz + following * ez - r0 - (r1 - r0) * (u + du) - (r2 - r0) * (v + dv) - twist * (u + du) * (v + dv)
+        if min(here, there) + 0.25 * min(twist * du * dv, 0.0) > least_clearance(near, count, cap) + seek:
+            t = following
+            continue
+        if meta[META_CUBIC] != 0.0:
+            if not cell_bends(grid, i, j, dx, dy, bends):
+                known = False
+                t = following
+                continue
+            twice = 2.0 * ex * ey
+            low = -(bends[XX + 1] * ex * ex + max(bends[XY] * twice, bends[XY + 1] * twice) + bends[YY + 1] * ey * ey)
+        else:
+            low = -2.0 * ex * ey * (grid[j, i] - grid[j, i + 1] - grid[j + 1, i] + grid[j + 1, i + 1]) / (dx * dy)
+        if not math.isfinite(low):
+            known = False
+            t = following
+            continue
+        count = _piece(grid, meta, low, x, y, z, sx, sy, sz, ex, ey, ez, t, following, length, cap, seek, apart, near, count)
+        t = following
+    return count if known else -1 - count
+
+
+@njit
+def _on_edge(
+    grid: Array, meta: Array, x: float, y: float, z: float, sx: float, sy: float, sz: float, ex: float, ey: float, ez: float,
+    t: float, inner: float,
+) -> tuple[float, float, float, float]:  # fmt: skip
+    """Height of the edge's point at t over the ground, its change along the edge, and the ground's slope: all of the cell
+    that the point at `inner` is in."""
+    h, gx, gy, _, _, _ = surface(grid, meta, x + sx + inner * ex, y + sy + inner * ey)
+    slope = ez - gx * ex - gy * ey
+    return z + sz + inner * ez - h + slope * (t - inner), slope, gx, gy
+
+
+@njit
+def _piece(
+    grid: Array, meta: Array, least_bend: float, x: float, y: float, z: float, sx: float, sy: float, sz: float,
+    ex: float, ey: float, ez: float, start: float, stop: float, length: float, cap: float, seek: float, apart: float,
+    near: Array, count: int,
+) -> int:  # fmt: skip
+    """The low places of an edge's piece within one cell, along which the height over the ground bends by no less than
+    `least_bend`. Those at its ends are low places of the edge too, or its next piece goes on falling."""
+    hair = 1e-9 * (stop - start)
+    a, b = start, stop
+    fa, ga, ax, ay = _on_edge(grid, meta, x, y, z, sx, sy, sz, ex, ey, ez, a, a + hair)
+    while a < stop:
+        fb, gb, bx, by = _on_edge(grid, meta, x, y, z, sx, sy, sz, ex, ey, ez, b, b - hair)
+        span = b - a
+        slack = 0.5 * max(-least_bend, 0.0) * span
+        down, up = ga - slack, gb + slack
+        limit = least_clearance(near, count, cap) + seek
+        t, f, gx, gy = a, fa, ax, ay
+        if down < 0.0 and up <= 0.0:
+            t, f, gx, gy = b, fb, bx, by
+        elif down < 0.0:
+            if fa + down * (fb - fa - up * span) / (down - up) > limit:
+                f = math.inf
+            elif least_bend > 0.0 or span < FINE * length:
+                left, right = a, b
+                for _ in range(60):
+                    t = 0.5 * (left + right) if gb == ga else left - ga * (right - left) / (gb - ga)
+                    if not left < t < right:
+                        t = 0.5 * (left + right)
+                    f, g, gx, gy = _on_edge(grid, meta, x, y, z, sx, sy, sz, ex, ey, ez, t, t)
+                    if abs(g) < 1e-10 or right - left < 1e-12 * length:
+                        break
+                    if g < 0.0:
+                        left, ga = t, g
+                        gb *= 0.5  # Illinois: the end that stays counts for less
+                    else:
+                        right, gb = t, g
+                        ga *= 0.5
+            else:
+                b = 0.5 * (a + b)
+                continue
+        if f <= limit:
+            if t in (start, stop) and 0.0 < t < length:
+                gx, gy = _across_line(grid, meta, x, y, sx, sy, ex, ey, ez, t, 1e-9 * length)
+            count = _take(near, count, apart, f, sx + t * ex, sy + t * ey, sz + t * ez, gx, gy)
+        fa, ga, ax, ay = _on_edge(grid, meta, x, y, z, sx, sy, sz, ex, ey, ez, b, min(b + hair, stop))
+        a = b
+        b = min(a + 2.0 * span, stop)
+    return count
+
+
+@njit
+def _across_line(
+    grid: Array, meta: Array, x: float, y: float, sx: float, sy: float, ex: float, ey: float, ez: float, t: float, step: float
+) -> tuple[float, float]:
+    """The slope of the contact where an edge crosses a grid line: of what lies between the ground's two, the one level
+    along the edge; or the lower side's, if there is none."""
+    _, ax, ay, _, _, _ = surface(grid, meta, x + sx + (t - step) * ex, y + sy + (t - step) * ey)
+    _, bx, by, _, _, _ = surface(grid, meta, x + sx + (t + step) * ex, y + sy + (t + step) * ey)
+    ga, gb = ez - ax * ex - ay * ey, ez - bx * ex - by * ey
+    part = ga / (ga - gb) if abs(ga - gb) > 1e-9 else 0.5
+    part = min(max(part, 0.0), 1.0)
+    return ax + part * (bx - ax), ay + part * (by - ay)
+
+
+@njit
+def _face_over_cell(
+    grid: Array, meta: Array, bends: Array, x: float, y: float, z: float, west: float, east: float, south: float, north: float,
+    c0: float, gx: float, gy: float, box: Array, a: int, b: int, a0: float, ax: float, ay: float, b0: float, bx: float, by: float,
+    cap: float, seek: float, apart: float, near: Array, count: int,
+) -> int:  # fmt: skip
+    """The low places of a face over a part of a cubic cell: where the ground is a hill, level with the face."""
+    half_x, half_y = 0.5 * (east - west), 0.5 * (north - south)
+    if bends[XX] > -1e-12 or bends[YY] > -1e-12:
+        return count
+    level, i, j = 0, 0, 0
+    rx, ry = half_x, half_y
+    while True:
+        ox, oy = west + (2 * i + 1) * rx, south + (2 * j + 1) * ry
+        split = False
+        pa, pb = a0 + ax * ox + ay * oy, b0 + bx * ox + by * oy
+        outside_a = max(box[a] - pa, pa - box[3 + a]) > rx * abs(ax) + ry * abs(ay)
+        if not (outside_a or max(box[b] - pb, pb - box[3 + b]) > rx * abs(bx) + ry * abs(by)):
+            h, hx, hy, hxx, hxy, hyy = surface(grid, meta, x + ox, y + oy)
+            dxx, dxy = bends[XXX] * rx + bends[XXY] * ry, bends[XXY] * rx + bends[XYY] * ry
+            dyy = bends[XYY] * rx + bends[YYY] * ry
+            fx, fy = gx - hx, gy - hy
+            turn_x, turn_y = (abs(hxx) + dxx) * rx + (abs(hxy) + dxy) * ry, (abs(hxy) + dxy) * rx + (abs(hyy) + dyy) * ry
+            hill = hxx - dxx < 0.0 and hyy - dyy < 0.0
+            if hill and abs(fx) <= turn_x and abs(fy) <= turn_y:
+                bent = 0.5 * max(hxx + dxx, 0.0) * rx * rx + (abs(hxy) + dxy) * rx * ry + 0.5 * max(hyy + dyy, 0.0) * ry * ry
+                limit = least_clearance(near, count, cap) + seek
+                if z + c0 + gx * ox + gy * oy - h - abs(fx) * rx - abs(fy) * ry - bent <= limit:
+                    xx, yy, xy = -hxx - dxx, -hyy - dyy, abs(hxy) + dxy
+                    px, py, held = ox, oy, -1
+                    if xx > 0.0 and yy > 0.0 and xx * yy > xy * xy:
+                        px, py, held = _hill(grid, meta, x, y, gx, gy, ox, oy, rx, ry)
+                    if held < 0 and rx >= FINE * half_x:
+                        split = True
+                    else:
+                        pa, pb = a0 + ax * px + ay * py, b0 + bx * px + by * py
+                        if box[a] <= pa <= box[3 + a] and box[b] <= pb <= box[3 + b]:
+                            oz = c0 + gx * px + gy * py
+                            gap = z + oz - surface(grid, meta, x + px, y + py)[0]
+                            if gap <= (limit if held <= 0 else min(limit, least_clearance(near, count, cap))):
+                                count = _take(near, count, apart, gap, px, py, oz, gx, gy)
+        if split:
+            level, i, j = level + 1, 2 * i, 2 * j
+            rx, ry = 0.5 * rx, 0.5 * ry
+            continue
+        while level > 0 and i % 2 == 1 and j % 2 == 1:  # the last quarter: back to the whole
+            level, i, j = level - 1, i // 2, j // 2
+            rx, ry = 2.0 * rx, 2.0 * ry
+        if level == 0:
+            return count
+        if i % 2 == 0:
+            i += 1
+        else:
+            i, j = i - 1, j + 1
+
+
+@njit
+def _hill(
+    grid: Array, meta: Array, x: float, y: float, gx: float, gy: float, xm: float, ym: float, rx: float, ry: float
+) -> tuple[float, float, int]:
+    """Find where a plane is nearest to terrain that is concave over a part, by Newton's method within the part.
+
+    Args:
+        grid, meta: cubic terrain.
+        x, y: m, the body's origin from the map's first node.
+        gx, gy: slope of the plane.
+        xm, ym, rx, ry: m, middle and half sizes of the part, from the body's origin.
+
+    Returns:
+        The place, m from the body's origin, and how many of its coordinates are held at the part's sides; -1 if Newton did not
+        converge.
+    """
+    ox, oy = xm, ym
+    for _ in range(30):
+        _, hx, hy, hxx, hxy, hyy = surface(grid, meta, x + ox, y + oy)
+        fx, fy = gx - hx, gy - hy
+        step_x, step_y, held = bounded_step(ox - xm, oy - ym, rx, ry, fx, fy, -hxx, -hxy, -hyy)
+        if held < 0 or abs(fx * step_x + fy * step_y) < ARRIVED:
+            return ox, oy, held
+        ox, oy = min(max(ox + step_x, xm - rx), xm + rx), min(max(oy + step_y, ym - ry), ym + ry)
+    return ox, oy, -1

@@ -1,0 +1,498 @@
+"""Where a tread comes nearest to one cell of cubic ground: inside the cell, or on one of the tread's rims.
+
+There may be several such places in a cell. Pieces of it are halved until bounds on the spline's second and third
+derivatives prove that a piece stays above what is sought, or holds one hollow, where Newton finds it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit.decorators import inlined, njit
+from ..model.ground import META_BEND, META_DX, META_DY, surface
+from ..model.wheel import (  # fmt: skip
+    AX,
+    AY,
+    AZ,
+    BENDS,
+    COS,
+    COSINE,
+    EX,
+    EY,
+    GAP,
+    HALF,
+    HX,
+    HY,
+    HZ,
+    PLACE,
+    RADIUS,
+    SIN,
+    TAN,
+    UX,
+    UY,
+    UZ,
+    VX,
+    VY,
+    note,
+)
+from .bilinear_cell import HAIR, HALVES, TIE, ends_of, rim_over_cell
+
+Array = NDArray[np.float64]
+
+# Bounds over one cubic cell: its second derivatives, lowest and highest, and the size of its third ones.
+XX, XY, YY = 0, 2, 4
+XXX, XXY, XYY, YYY = range(6, 10)
+BENDS_SIZE = 10
+FLAT = 1e-9  # 1/m: curvature less concave than this makes no minimum inside a tread that its rims do not have, within 1e-9 m
+FINEST = 20  # times a part is quartered
+ARRIVED = 1e-13  # m: Newton's method on a convex part ends where its step lowers the function by less
+
+
+@njit
+def cell_bends(grid: Array, i: int, j: int, dx: float, dy: float, bends: Array) -> bool:
+    """Fill bends (BENDS_SIZE,) for the cell: a spline's derivative lies within the differences of its coefficients. False
+    where one of these is not known."""
+    total = 0.0
+    for k in range(3):
+        bends[2 * k], bends[2 * k + 1] = math.inf, -math.inf
+    bends[XXX:] = 0.0
+    for m in range(4):
+        for n in range(4):
+            row, col = j + m, i + n
+            c = grid[row, col]
+            total += c
+            if n < 2:
+                second = c - 2.0 * grid[row, col + 1] + grid[row, col + 2]
+                bends[XX], bends[XX + 1] = min(bends[XX], second), max(bends[XX + 1], second)
+                if n == 0:
+                    bends[XXX] = max(bends[XXX], abs(grid[row, col + 3] - c + 3.0 * (grid[row, col + 1] - grid[row, col + 2])))
+                if m < 3:
+                    above = grid[row + 1, col] - 2.0 * grid[row + 1, col + 1] + grid[row + 1, col + 2]
+                    bends[XXY] = max(bends[XXY], abs(above - second))
+            if m < 2:
+                second = c - 2.0 * grid[row + 1, col] + grid[row + 2, col]
+                bends[YY], bends[YY + 1] = min(bends[YY], second), max(bends[YY + 1], second)
+                if m == 0:
+                    bends[YYY] = max(bends[YYY], abs(grid[row + 3, col] - c + 3.0 * (grid[row + 1, col] - grid[row + 2, col])))
+                if n < 3:
+                    beside = grid[row, col + 1] - 2.0 * grid[row + 1, col + 1] + grid[row + 2, col + 1]
+                    bends[XYY] = max(bends[XYY], abs(beside - second))
+            if m < 3 and n < 3:
+                twist = c - grid[row, col + 1] - grid[row + 1, col] + grid[row + 1, col + 1]
+                bends[XY], bends[XY + 1] = min(bends[XY], twist), max(bends[XY + 1], twist)
+    for k in range(2):
+        bends[XX + k] /= dx * dx
+        bends[XY + k] /= dx * dy
+        bends[YY + k] /= dy * dy
+    bends[XXX] /= dx * dx * dx
+    bends[XXY] /= dx * dx * dy
+    bends[XYY] /= dx * dy * dy
+    bends[YYY] /= dy * dy * dy
+    return math.isfinite(total)
+
+
+@njit
+def search_curved_cell(
+    grid: Array, meta: Array, w: Array, i: int, j: int, x0: float, x1: float, y0: float, y1: float,
+    best: Array, keep: float, found: Array, count: int,
+) -> int:  # fmt: skip
+    """Note the local minima of the gap over the part x0..x1, y0..y1 (from the hub) of cell (i, j); -1 if it is unknown."""
+    bends, ends = w[BENDS : BENDS + BENDS_SIZE], ends_of(w)
+    if not cell_bends(grid, i, j, meta[META_DX], meta[META_DY], bends):
+        return -1
+    half = w[HALF]
+    if half > 0.0:
+        count = _inside(grid, meta, w, bends, 1.0, x0, x1, y0, y1, best, keep, found, count)
+        if not _upper_is_clear(grid, meta, w, -half if w[AZ] > 0.0 else half, i, j, max(best[GAP] - TIE, keep)):
+            count = _inside(grid, meta, w, bends, -1.0, x0, x1, y0, y1, best, keep, found, count)
+    across = 0.5 * (x0 + x1) * w[VX] + 0.5 * (y0 + y1) * w[VY]
+    near = 0.5 * ((x1 - x0) * abs(w[VX]) + (y1 - y0) * abs(w[VY])) + w[RADIUS] * abs(w[AZ]) + HAIR * (x1 - x0 + y1 - y0)
+    for side in range(2 if half > 0.0 else 1):
+        s = half if side == 0 else -half
+        if abs(s * w[COS] - across) > near:
+            continue
+        for half_turn in range(2):
+            sign = 1.0 if half_turn == 0 else -1.0
+            if sign < 0.0 and _upper_is_clear(grid, meta, w, s, i, j, max(best[GAP], keep)):
+                break
+            n = rim_over_cell(w, s, x0, x1, y0, y1, sign, ends)
+            for k in range(n):
+                at = HALVES + 2 * k
+                low = math.atan2(ends[at, 0], ends[at, 1])
+                high = math.atan2(ends[at + 1, 0], ends[at + 1, 1])
+                if high < low:
+                    high += 2.0 * math.pi
+                count = _arc(grid, meta, w, bends, s, low, high, best, keep, found, count)
+    return count
+
+
+@njit
+def _upper_is_clear(grid: Array, meta: Array, w: Array, s: float, i: int, j: int, limit: float) -> bool:
+    """Whether the rim's upper half stays above this cell: no spline rises over its greatest coefficient."""
+    top = -math.inf
+    for m in range(4):
+        for n in range(4):
+            top = max(top, grid[j + m, i + n])
+    return w[HZ] + s * w[AZ] - top >= limit
+
+
+@njit
+def _along(grid: Array, meta: Array, w: Array, phi: float, s: float) -> tuple[float, float, float, float, float]:
+    """f, f', f'' along the rim at φ over cubic ground, and the ground's slope there."""
+    r = w[RADIUS]
+    sp, cp = math.sin(phi), math.cos(phi)
+    x = s * w[AX] + r * (sp * w[EX] - cp * w[UX])
+    y = s * w[AY] + r * (sp * w[EY] - cp * w[UY])
+    z = w[HZ] + s * w[AZ] - r * cp * w[UZ]
+    tx, ty, tz = r * (cp * w[EX] + sp * w[UX]), r * (cp * w[EY] + sp * w[UY]), r * sp * w[UZ]
+    nx, ny, nz = r * (-sp * w[EX] + cp * w[UX]), r * (-sp * w[EY] + cp * w[UY]), r * cp * w[UZ]
+    h, gx, gy, hxx, hxy, hyy = surface(grid, meta, w[HX] + x, w[HY] + y)
+    bend = nz - gx * nx - gy * ny - hxx * tx * tx - 2.0 * hxy * tx * ty - hyy * ty * ty
+    return z - h, tz - gx * tx - gy * ty, bend, gx, gy
+
+
+@njit
+def _least_bend(w: Array, bends: Array, gx: float, gy: float, a: float, b: float) -> float:
+    """f'' of the rim's height over the cell is nowhere less on a ≤ φ ≤ b; (gx, gy) is the ground's slope at a.
+
+    f'' / r = A cos φ + B sin φ - r h(t, t), with A, B from the slope, which changes along the arc by the second derivatives.
+    """
+    r = w[RADIUS]
+    ca, cb, sa, sb = math.cos(a), math.cos(b), math.sin(a), math.sin(b)
+    top_cos = 1.0 if a <= 0.0 <= b or a <= math.pi <= b else max(abs(ca), abs(cb))
+    tx, ty = abs(w[EX]) * top_cos + abs(w[UX]), abs(w[EY]) * top_cos + abs(w[UY])
+    twist = max(abs(bends[XY]), abs(bends[XY + 1]))
+    hollow = max(bends[XX + 1], 0.0) * tx * tx + 2.0 * twist * tx * ty + max(bends[YY + 1], 0.0) * ty * ty
+    by_x = max(abs(bends[XX]), abs(bends[XX + 1])) * tx + twist * ty
+    by_y = max(abs(bends[YY]), abs(bends[YY + 1])) * ty + twist * tx
+    even, odd = w[UZ] - gx * w[UX] - gy * w[UY], gx * w[EX] + gy * w[EY]
+    ends = min(even * ca + odd * sa, even * cb + odd * sb)
+    if not (ends > 0.0 and b - a < 3.0):
+        ends = -math.sqrt(even * even + odd * odd)
+    return r * (ends - r * (b - a) * (by_x + by_y)) - r * r * hollow
+
+
+@njit
+def _arc(
+    grid: Array, meta: Array, w: Array, bends: Array, s: float, low: float, high: float,
+    best: Array, keep: float, found: Array, count: int,
+) -> int:  # fmt: skip
+    """Every local minimum that can matter of the rim's height over the ground on low ≤ φ ≤ high, which lies in one cell.
+
+    A piece of the arc is done with when its height is proved to fall or rise all along, to stay above what is sought,
+    or to be hollow, with one least place; else it is halved.
+    """
+    a, b = low, high
+    fa, ga, _, gx, gy = _along(grid, meta, w, a, s)
+    while a < high:
+        fb, gb, _, next_gx, next_gy = _along(grid, meta, w, b, s)
+        length = b - a
+        bend = _least_bend(w, bends, gx, gy, a, b)
+        slack = 0.5 * max(-bend, 0.0) * length
+        down, up = ga - slack, gb + slack  # slopes of f made hollow: its tangents at a and b bound it from below
+        if down >= 0.0:
+            count = note(w, best, fa, math.sin(a), math.cos(a), s, keep, found, count)
+        elif up <= 0.0:
+            count = note(w, best, fb, math.sin(b), math.cos(b), s, keep, found, count)
+        elif fa + down * (fb - fa - up * length) / (down - up) < max(best[GAP] - TIE, keep):
+            if bend > 0.0:
+                count = _hollow_arc(grid, meta, w, s, a, b, ga, gb, best, keep, found, count)
+            elif length > 1e-7:
+                b = 0.5 * (a + b)
+                continue
+            else:
+                count = note(w, best, fa, math.sin(a), math.cos(a), s, keep, found, count)
+                count = note(w, best, fb, math.sin(b), math.cos(b), s, keep, found, count)
+        a, fa, ga, gx, gy = b, fb, gb, next_gx, next_gy
+        b = min(a + 2.0 * length, high)
+    return count
+
+
+@njit
+def _hollow_arc(
+    grid: Array, meta: Array, w: Array, s: float, a: float, b: float, ga: float, gb: float,
+    best: Array, keep: float, found: Array, count: int,
+) -> int:  # fmt: skip
+    """The one least place of an arc that falls at a, rises at b and is hollow between: Newton, bisection to fall back on."""
+    t = a - ga * (b - a) / (gb - ga)
+    f = math.inf
+    for _ in range(60):
+        f, g, h, _, _ = _along(grid, meta, w, t, s)
+        if g < 0.0:
+            a = t
+        else:
+            b = t
+        new = t - g / h if h > 0.0 else math.nan
+        if not (a <= new <= b):
+            new = 0.5 * (a + b)
+        done = abs(new - t) < 1e-9 or b - a < 1e-14
+        t = new
+        if done:
+            break
+    return note(w, best, f, math.sin(t), math.cos(t), s, keep, found, count)
+
+
+@njit
+def _inside(
+    grid: Array, meta: Array, w: Array, bends: Array, side: float, x0: float, x1: float, y0: float, y1: float,
+    best: Array, keep: float, found: Array, count: int,
+) -> int:  # fmt: skip
+    """Note the local minima of T - h inside the tread, over a part of a cubic cell.
+
+    Over (u, v) the tread's lower (side 1) or upper half (side -1) stands at T = z_hub + v tan τ - side sqrt(r² - u²) / cos τ. A
+    local minimum needs h_vv <= 0, and h_uu <= T_uu. The part is quartered until a quarter fails one of the necessary conditions
+    (curvature, slope), lies under no tread, has a lower bound that is not below what is sought, or until T - h is proved convex
+    over it: then Newton finds the one minimum. docs/design.md derives the bounds.
+
+    Args:
+        grid, meta: cubic terrain (ground.py).
+        w: (WHEEL_SIZE,) wheel.
+        bends: (BENDS_SIZE,) bounds on the cell's derivatives (`cell_bends`).
+        side: 1 for the tread's lower half, -1 for its upper half.
+        x0, x1, y0, y1: the part, m from the hub; it lies in one cell.
+        best, keep, found, count: as `note` takes them.
+
+    Returns:
+        count, with the minima kept.
+    """
+    r, half = w[RADIUS], w[HALF]
+    vx, vy, ex, ey = w[VX], w[VY], w[EX], w[EY]
+    lean = side * w[AZ]
+    xx, xy, yy = vx * vx, 2.0 * vx * vy, vy * vy
+    across = bends[XX] * xx + min(bends[XY] * xy, bends[XY + 1] * xy) + bends[YY] * yy
+    if across > -FLAT:
+        return count
+    if side < 0.0:  # T is concave along the wheel, by 1 / (r cos τ) at least: the ground must be more so
+        wheelward = bends[XX] * ex * ex + min(2.0 * bends[XY] * ex * ey, 2.0 * bends[XY + 1] * ex * ey) + bends[YY] * ey * ey
+        if wheelward * r * w[COS] > -1.0:
+            return count
+    level, i, j = 0, 0, 0
+    rx, ry = 0.5 * (x1 - x0), 0.5 * (y1 - y0)
+    while True:
+        x, y = x0 + (2 * i + 1) * rx, y0 + (2 * j + 1) * ry
+        u, v = x * ex + y * ey, x * vx + y * vy
+        ru, rv = rx * abs(ex) + ry * abs(ey), rx * abs(vx) + ry * abs(vy)
+        split = False
+        q_far = math.sqrt(max(r * r - max(abs(u) - ru, 0.0) ** 2, 0.0))
+        q_near = math.sqrt(max(r * r - (abs(u) + ru) ** 2, 0.0))
+        low_s = v - rv - max(q_far * lean, q_near * lean)
+        high_s = v + rv - min(q_far * lean, q_near * lean)
+        if abs(u) - ru < r and low_s < half * w[COS] and high_s > -half * w[COS]:
+            h, gx, gy, hxx, hxy, hyy = surface(grid, meta, w[HX] + x, w[HY] + y)
+            dxx, dxy, dyy = (
+                bends[XXX] * rx + bends[XXY] * ry,
+                bends[XXY] * rx + bends[XYY] * ry,
+                bends[XYY] * rx + bends[YYY] * ry,
+            )
+            h_vv, d_vv = hxx * xx + hxy * xy + hyy * yy, dxx * xx + dxy * abs(xy) + dyy * yy
+            h_uv, d_uv = (
+                hxx * ex * vx + hxy * (ex * vy + ey * vx) + hyy * ey * vy,
+                dxx * abs(ex * vx) + dxy * abs(ex * vy + ey * vx) + dyy * abs(ey * vy),
+            )
+            h_uu, d_uu = (
+                hxx * ex * ex + 2.0 * hxy * ex * ey + hyy * ey * ey,
+                dxx * ex * ex + 2.0 * dxy * abs(ex * ey) + dyy * ey * ey,
+            )
+            h_u, h_v = gx * ex + gy * ey, gx * vx + gy * vy
+            level_v = abs(w[TAN] - h_v) <= (abs(h_vv) + d_vv) * rv + (abs(h_uv) + d_uv) * ru
+            if h_vv - d_vv < -FLAT and level_v:
+                rise = (abs(h_uu) + d_uu) * ru + (abs(h_uv) + d_uv) * rv
+                if side > 0.0:
+                    falls = _bowl_slope(w, u - ru) - h_u - rise <= 0.0 <= _bowl_slope(w, u + ru) - h_u + rise
+                    ut = min(max(u, -0.98 * r), 0.98 * r)  # a tangent of T at ut lies nowhere above it
+                    lu = _bowl_slope(w, ut)
+                    low = lu * (u - ut) - math.sqrt(r * r - ut * ut) / w[COS]
+                    f_uu = r * r / (q_far * q_far * q_far * w[COS]) - h_uu - d_uu
+                else:
+                    falls = -_bowl_slope(w, u + ru) - h_u - rise <= 0.0 <= -_bowl_slope(w, u - ru) - h_u + rise
+                    lu = 0.0
+                    low = q_near / w[COS]
+                    f_uu = -r * r / (q_near * q_near * q_near * w[COS]) - h_uu - d_uu if q_near > 0.0 else -math.inf
+                slope_x, slope_y = lu * ex + w[TAN] * vx - gx, lu * ey + w[TAN] * vy - gy
+                bent = 0.5 * max(hxx + dxx, 0.0) * rx * rx + (abs(hxy) + dxy) * rx * ry + 0.5 * max(hyy + dyy, 0.0) * ry * ry
+                low += w[HZ] + v * w[TAN] - h - abs(slope_x) * rx - abs(slope_y) * ry - bent
+                if falls and low < max(best[GAP] - TIE, keep):
+                    f_vv, f_uv = -h_vv - d_vv, abs(h_uv) + d_uv
+                    kept = -1
+                    if f_uu > 0.0 and f_vv > 0.0 and f_uu * f_vv > f_uv * f_uv:
+                        kept = _convex_part(grid, meta, w, side, x, y, rx, ry, best, keep, found, count)
+                    if kept >= 0:
+                        count = kept
+                    elif level < FINEST:
+                        split = True
+                    elif abs(u) < r:
+                        count = _note_inside(w, side, u, v, h, best, keep, found, count)
+        if split:
+            level, i, j = level + 1, 2 * i, 2 * j
+            rx, ry = 0.5 * rx, 0.5 * ry
+            continue
+        while level > 0 and i % 2 == 1 and j % 2 == 1:  # the last quarter: back to the whole
+            level, i, j = level - 1, i // 2, j // 2
+            rx, ry = 2.0 * rx, 2.0 * ry
+        if level == 0:
+            return count
+        if i % 2 == 0:
+            i += 1
+        else:
+            i, j = i - 1, j + 1
+
+
+@inlined
+def _bowl_slope(w: Array, u: float) -> float:
+    """Return T_u of the tread's lower half at u; infinite at the tread's ends.
+
+    Args:
+        w: (WHEEL_SIZE,) wheel.
+        u: m from the hub along e1.
+
+    Returns:
+        Slope; the upper half's is its negative.
+    """
+    room = w[RADIUS] * w[RADIUS] - u * u
+    return u / (math.sqrt(room) * w[COS]) if room > 0.0 else math.copysign(math.inf, u)
+
+
+@njit
+def _convex_part(
+    grid: Array, meta: Array, w: Array, side: float, xm: float, ym: float, rx: float, ry: float,
+    best: Array, keep: float, found: Array, count: int,
+) -> int:  # fmt: skip
+    """Note the minimum of T - h over a part where it is convex, if it lies in the part and on the tread.
+
+    Newton's method with the part's sides as bounds: a coordinate is held at its side while the function falls outwards there. A
+    minimum held at a side is not listed: it belongs to the part beyond, or to an edge of the search. It can still be
+    the lowest point: if the minimum lies on the border of two parts, rounding may hold it in both.
+
+    Args:
+        grid, meta: cubic terrain.
+        w: (WHEEL_SIZE,) wheel.
+        side: 1 for the tread's lower half, -1 for its upper half.
+        xm, ym, rx, ry: middle and half sizes of the part, m from the hub.
+        best, keep, found, count: as `note` takes them.
+
+    Returns:
+        count, or -1 if Newton did not converge: the part is to be quartered.
+    """
+    r = w[RADIUS]
+    x, y = xm, ym
+    rim = 0.999999 * r
+    for _ in range(30):
+        u, v = x * w[EX] + y * w[EY], x * w[VX] + y * w[VY]
+        if abs(u) > rim:  # the middle of the part lies beyond the tread: begin on it
+            u = math.copysign(rim, u)
+            x, y = u * w[EX] + v * w[VX], u * w[EY] + v * w[VY]
+        h, gx, gy, hxx, hxy, hyy = surface(grid, meta, w[HX] + x, w[HY] + y)
+        q = math.sqrt(r * r - u * u)
+        t_u, t_uu = side * u / (q * w[COS]), side * r * r / (q * q * q * w[COS])
+        fx, fy = t_u * w[EX] + w[TAN] * w[VX] - gx, t_u * w[EY] + w[TAN] * w[VY] - gy
+        fxx, fxy, fyy = t_uu * w[EX] * w[EX] - hxx, t_uu * w[EX] * w[EY] - hxy, t_uu * w[EY] * w[EY] - hyy
+        # the tangent plane at (x, y) is a lower bound on the part
+        low = w[HZ] + v * w[TAN] - side * q / w[COS] - h + fx * (xm - x) + fy * (ym - y) - abs(fx) * rx - abs(fy) * ry
+        if low >= max(best[GAP] - TIE, keep):
+            return count
+        step_x, step_y, held = bounded_step(x - xm, y - ym, rx, ry, fx, fy, fxx, fxy, fyy)
+        if held < 0:
+            return -1
+        if abs(fx * step_x + fy * step_y) < ARRIVED:
+            # held at a side by a slope that may be rounding: no minimum to list, but a point of the tread all the same
+            return _note_inside(w, side, u, v, h, best, keep if held == 0 else -math.inf, found, count)
+        new_x, new_y = min(max(x + step_x, xm - rx), xm + rx), min(max(y + step_y, ym - ry), ym + ry)
+        new_u = new_x * w[EX] + new_y * w[EY]
+        if abs(new_u) > rim:  # towards the tread's end no more than half of what is left
+            share = (0.5 * (math.copysign(r, new_u) + u) - u) / (new_u - u)
+            new_x, new_y = x + share * (new_x - x), y + share * (new_y - y)
+        x, y = new_x, new_y
+    return -1
+
+
+@inlined
+def bounded_step(
+    x: float, y: float, rx: float, ry: float, fx: float, fy: float, fxx: float, fxy: float, fyy: float
+) -> tuple[float, float, int]:
+    """Return Newton's step to the minimum of a function that is convex on |x| <= rx, |y| <= ry.
+
+    A coordinate at its bound stays there while the function falls outwards.
+
+    Args:
+        x, y: m, the point.
+        rx, ry: m, the bounds.
+        fx, fy, fxx, fxy, fyy: gradient and Hessian there.
+
+    Returns:
+        The step in x and y, not bounded, and how many coordinates are held at a bound; -1 if the Hessian is not positive.
+    """
+    hold_x = (x >= rx and fx <= 0.0) or (x <= -rx and fx >= 0.0)
+    hold_y = (y >= ry and fy <= 0.0) or (y <= -ry and fy >= 0.0)
+    det = fxx * fyy - fxy * fxy
+    if not (det > 0.0 and fxx > 0.0):
+        return 0.0, 0.0, -1
+    if hold_x and hold_y:
+        return 0.0, 0.0, 2
+    if hold_x:
+        return 0.0, -fy / fyy, 1
+    if hold_y:
+        return -fx / fxx, 0.0, 1
+    return (fxy * fy - fyy * fx) / det, (fxy * fx - fxx * fy) / det, 0
+
+
+@inlined
+def _note_inside(w: Array, side: float, u: float, v: float, h: float, best: Array, keep: float, found: Array, count: int) -> int:
+    """Note the tread's point over (u, v), if there is one.
+
+    Args:
+        w: (WHEEL_SIZE,) wheel.
+        side: 1 for the tread's lower half, -1 for its upper half.
+        u, v: m from the hub along e1 and the axle's level direction.
+        h: height of the terrain there, m.
+        best, keep, found, count: as `note` takes them.
+
+    Returns:
+        count, with the point if it was kept.
+    """
+    r = w[RADIUS]
+    q = side * math.sqrt(r * r - u * u)
+    s = (v - q * w[AZ]) / w[COS]
+    if abs(s) <= w[HALF]:
+        count = note(w, best, w[HZ] + v * w[TAN] - q / w[COS] - h, u / r, q / r, s, keep, found, count)
+    return count
+
+
+@njit
+def follow_smooth(grid: Array, meta: Array, w: Array, sine: float, cosine: float, best: Array) -> bool:
+    """Fill `best` with the least gap of a thin disc, on terrain of less curvature than the disc, by Newton.
+
+    The rim has one local minimum, in its lower half, if e3z - grad h · e3xy > r B at each of its points, B the greatest curvature
+    of the map (docs/design.md). Around the rim grad h · e3xy changes by at most 2 r B |az|: the slope at the contact decides.
+
+    Args:
+        grid, meta: cubic terrain.
+        w: (WHEEL_SIZE,) wheel of half width 0.
+        sine, cosine: sin φ, cos φ to start from.
+        best: (PLACE_SIZE,) filled with gap, sin φ, cos φ and s = 0.
+
+    Returns:
+        False if the condition does not hold or Newton does not converge: search instead.
+    """
+    r = w[RADIUS]
+    sharp = r * meta[META_BEND]
+    for _ in range(20):
+        tx, ty, tz = r * (cosine * w[EX] + sine * w[UX]), r * (cosine * w[EY] + sine * w[UY]), r * sine * w[UZ]
+        nx, ny, nz = r * (-sine * w[EX] + cosine * w[UX]), r * (-sine * w[EY] + cosine * w[UY]), r * cosine * w[UZ]
+        h, gx, gy, hxx, hxy, hyy = surface(grid, meta, w[HX] - nx, w[HY] - ny)
+        slope = tz - gx * tx - gy * ty
+        bend = nz - gx * nx - gy * ny - hxx * tx * tx - 2.0 * hxy * tx * ty - hyy * ty * ty
+        if not bend > 0.0:
+            return False
+        step = -slope / bend
+        if abs(step) < 1e-6:  # what it would add to the gap is below rounding
+            best[GAP] = w[HZ] - nz - h + 0.5 * slope * step
+            size = math.sqrt(1.0 + step * step)
+            best[SIN], best[COSINE], best[PLACE] = (sine + cosine * step) / size, (cosine - sine * step) / size, 0.0
+            return cosine > 0.0 and w[UZ] - gx * w[UX] - gy * w[UY] > sharp * (1.0 + 2.0 * abs(w[AZ]))
+        step = min(max(step, -0.5), 0.5)
+        size = math.sqrt(1.0 + step * step)
+        sine, cosine = (sine + cosine * step) / size, (cosine - sine * step) / size
+    return False

@@ -1,0 +1,308 @@
+"""The least height of one wheel's tread over the ground, over the whole tread.
+
+The ground's cells under the tread are bounded row by row: the tread's lower side T is convex, so it nowhere lies below
+its tangent planes, and the ground nowhere above its `roof`. Only a cell where the two leave room for a lower gap than
+the best so far is searched, exactly (`bilinear_cell`, `cubic_cell`).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit.decorators import by_ground, inlined, njit
+from ..model.ground import META_BEND, META_DX, META_DY, META_NX, META_NY, CubicGround, Ground, on_map
+from ..model.wheel import (  # fmt: skip
+    AX,
+    AY,
+    AZ,
+    BOUND,
+    COS,
+    COSINE,
+    EX,
+    EY,
+    GAP,
+    HALF,
+    HX,
+    HY,
+    HZ,
+    PLACE,
+    PLANE,
+    RADIUS,
+    ROW,
+    SIN,
+    TAN,
+    UX,
+    UY,
+    VX,
+    VY,
+    covers,
+    gap_at,
+    tread_point,
+)
+from .bilinear_cell import HAIR, TIE, search_flat_cell
+from .cubic_cell import follow_smooth, search_curved_cell
+
+Array = NDArray[np.float64]
+
+ROOM = 12  # touching places kept of one wheel
+ONE = 0.01  # of the radius: places closer than this are one contact
+FOUND, OFF, BLANK = 0, 1, 2
+SMOOTH = 0.7  # curvature of the map times wheel radius: below this a thin disc is followed by Newton (`follow_smooth`)
+
+
+@njit
+def _bound_row(
+    roof: Array, j: int, i: int, n: int, dx: float, dy: float, far_x: float, far_y: float, w: Array
+) -> None:  # fmt: skip
+    """Fill BOUND: no gap over the cells i.. of row j, as far as they reach under the wheel (far_x, far_y from its hub), is
+    lower; inf beside the tread, nan where the ground is unknown.
+
+    The greater of two bounds: by the tangent plane of T over the middle, and by that at the best contact so far
+    (`tangent_plane`), which is sharp where the ground is smooth.
+    """
+    level, plane_x, plane_y = w[PLANE], w[PLANE + 1], w[PLANE + 2]
+    bound = w[BOUND:]
+    r, ex, ey, vx, vy, tan, hub_z, hub_x = w[RADIUS], w[EX], w[EY], w[VX], w[VY], w[TAN], w[HZ], w[HX]
+    over, over_x, over_y = 1.0 / w[COS], 1.0 / dx, 1.0 / dy
+    edge = 0.98 * r
+    square = r * r
+    hair = HAIR * (dx + dy)
+    reach_u, reach_v = r + hair, w[HALF] * w[COS] + r * abs(w[AZ]) + hair
+    low_y = j * dy - w[HY]
+    y0, y1 = max(low_y, -far_y), min(low_y + dy, far_y)
+    v0, v1 = (y0 - low_y) * over_y, (y1 - low_y) * over_y
+    y, half_y = 0.5 * (y0 + y1), 0.5 * (y1 - y0)
+    by = plane_y * half_y
+    for k in range(n):
+        low_x = (i + k) * dx - hub_x
+        x0, x1 = max(low_x, -far_x), min(low_x + dx, far_x)
+        u0, u1 = (x0 - low_x) * over_x, (x1 - low_x) * over_x
+        x, half_x = 0.5 * (x0 + x1), 0.5 * (x1 - x0)
+        left, right = roof[j, i + k], roof[j, i + k + 1]
+        up_left, up_right = roof[j + 1, i + k] - left, roof[j + 1, i + k + 1] - right
+        a, b, d, e = left + v0 * up_left, right + v0 * up_right, left + v1 * up_left, right + v1 * up_right
+        a, b, d, e = a + u0 * (b - a), a + u1 * (b - a), d + u0 * (e - d), d + u1 * (e - d)
+        u, v = x * ex + y * ey, x * vx + y * vy
+        ut = min(max(u, -edge), edge)
+        q = math.sqrt(square - ut * ut)
+        slope = ut / q * over
+        gx, gy = (slope * ex + tan * vx) * half_x, (slope * ey + tan * vy) * half_y
+        first = hub_z - q * over + slope * (u - ut) + tan * v - max(max(a + gx + gy, b - gx + gy), max(d + gx - gy, e - gx - gy))
+        bx = plane_x * half_x
+        second = level + plane_x * x + plane_y * y - max(max(a + bx + by, b - bx + by), max(d + bx - by, e - bx - by))
+        low = max(first, second) + 0.0 * (a + b + d + e)
+        beside = abs(u) > reach_u + half_x * abs(ex) + half_y * abs(ey) or abs(v) > reach_v + half_x * abs(vx) + half_y * abs(vy)
+        bound[k] = math.inf if beside else low
+
+
+@inlined
+def tangent_plane(w: Array, sine: float) -> None:
+    """The plane that touches T at u = r sin φ: p0 + p1 X + p2 Y from the hub. T lies nowhere below it."""
+    r = w[RADIUS]
+    u = min(max(r * sine, -0.999 * r), 0.999 * r)
+    q = math.sqrt(r * r - u * u)
+    slope = u / (q * w[COS])
+    w[PLANE] = w[HZ] - q / w[COS] - slope * u
+    w[PLANE + 1], w[PLANE + 2] = slope * w[EX] + w[TAN] * w[VX], slope * w[EY] + w[TAN] * w[VY]
+
+
+def _search_curved(
+    ground: Ground, w: Array, i: int, j: int, far_x: float, far_y: float, follow: bool, keep: float,
+    best: Array, found: Array, count: int,
+) -> int:  # fmt: skip
+    """`_search_cell` on cubic ground."""
+    grid, _, meta = ground
+    dx, dy = meta[META_DX], meta[META_DY]
+    x0, y0 = i * dx - w[HX], j * dy - w[HY]
+    return search_curved_cell(
+        grid, meta, w, i, j, max(x0, -far_x), min(x0 + dx, far_x), max(y0, -far_y), min(y0 + dy, far_y),
+        best, keep, found, count,
+    )  # fmt: skip
+
+
+def _search_flat(
+    ground: Ground, w: Array, i: int, j: int, far_x: float, far_y: float, follow: bool, keep: float,
+    best: Array, found: Array, count: int,
+) -> int:  # fmt: skip
+    """`_search_cell` on linear ground."""
+    grid, _, meta = ground
+    dx, dy = meta[META_DX], meta[META_DY]
+    a, b, d, e = grid[j, i], grid[j, i + 1], grid[j + 1, i], grid[j + 1, i + 1]
+    if math.isnan(a + b + d + e):
+        return -1
+    return search_flat_cell(w, a, b, d, e, i * dx - w[HX], j * dy - w[HY], dx, dy, far_x, far_y, follow, best, keep, found, count)
+
+
+def _search_cell(
+    ground: Ground, w: Array, i: int, j: int, far_x: float, far_y: float, follow: bool, keep: float,
+    best: Array, found: Array, count: int,
+) -> int:  # fmt: skip
+    """Note the local minima over the cell (i, j), within far_x, far_y of the hub; -1 if its ground is unknown."""
+    return _search_of(type(ground))(ground, w, i, j, far_x, far_y, follow, keep, best, found, count)
+
+
+@by_ground(_search_cell)
+def _search_of(kind: type) -> Any:
+    return _search_curved if kind is CubicGround else _search_flat
+
+
+@njit
+def least_gap(
+    ground: Ground,
+    w: Array,
+    sine: float,
+    cosine: float,
+    s: float,
+    whole: bool,
+    keep: float,
+    best: Array,
+    found: Array,
+) -> tuple[int, int]:
+    """Search the whole tread of a wheel for its least gap, or track a contact in its cell.
+
+    A cell of missing data counts only if a point of the tread lies over its inside. The search then goes on over the known
+    cells, so that a solver can pass over missing data on its way.
+
+    Args:
+        ground: terrain.
+        w: (WHEEL_SIZE,) wheel.
+        sine, cosine, s: a first guess, which only saves time.
+        whole: search the whole tread; if False only the guess's cell and, there, what is like the guess.
+        keep: m, keep local minima of gap <= keep.
+        best: (PLACE_SIZE,) filled with the lowest place; its gap is infinite if no known cell lies under the tread.
+        found: (n, PLACE_SIZE) filled with the local minima kept.
+
+    Returns:
+        FOUND, OFF (the map ends under the tread) or BLANK (missing data under it), and how many minima were kept.
+    """
+    grid, roof, meta = ground
+    r, half = w[RADIUS], w[HALF]
+    dx, dy = meta[META_DX], meta[META_DY]
+    out_x = half * abs(w[AX]) + r * math.sqrt(w[EX] * w[EX] + w[UX] * w[UX])
+    out_y = half * abs(w[AY]) + r * math.sqrt(w[EY] * w[EY] + w[UY] * w[UY])
+    code = FOUND
+    if not (on_map(meta, w[HX] - out_x, w[HY] - out_y) and on_map(meta, w[HX] + out_x, w[HY] + out_y)):
+        code = OFF
+        if not (abs(w[HX]) < math.inf and abs(w[HY]) < math.inf):
+            best[GAP] = math.inf
+            return OFF, 0
+    smooth = half == 0.0 and keep < 0.0 and r * meta[META_BEND] < SMOOTH
+    if smooth and code == FOUND and follow_smooth(grid, meta, w, sine, cosine, best):
+        return FOUND, 0
+    # following, the contact's own cell says all there is to know
+    best[GAP] = gap_at(grid, meta, w, sine, cosine, s) if whole else math.inf
+    best[SIN], best[COSINE], best[PLACE] = sine, cosine, s
+    if math.isnan(best[GAP]) or code == OFF:
+        best[GAP] = math.inf
+    i0, j0, i1, j1 = 0, 0, int(meta[META_NX]) - 2, int(meta[META_NY]) - 2
+    if whole:
+        i0, i1 = cells_within(w[HX] - out_x, w[HX] + out_x, dx, i1)
+        j0, j1 = cells_within(w[HY] - out_y, w[HY] + out_y, dy, j1)
+        if i0 > i1 or j0 > j1:
+            best[GAP] = math.inf
+            return OFF, 0
+    # cells are searched where the wheel is, and a little beyond: a rim that only just reaches its own bounds would else be
+    # lost to rounding
+    far_x, far_y = 1.001 * out_x, 1.001 * out_y
+    count = 0
+    # the cell of the first guess comes first: what it yields bounds the others
+    tangent_plane(w, sine)
+    px, py, _ = tread_point(w, sine, cosine, s)
+    wi = min(max(int(math.floor((w[HX] + px) / dx)), i0), i1)
+    wj = min(max(int(math.floor((w[HY] + py) / dy)), j0), j1)
+    j, i, n, k = wj, wi, 1, 0
+    first = True
+    w[BOUND] = -math.inf
+    while True:
+        while k < n:
+            if not w[BOUND + k] >= max(best[GAP] - TIE, keep) and (first or j != wj or i + k != wi):
+                kept = _search_cell(ground, w, i + k, j, far_x, far_y, not whole, keep, best, found, count)
+                if kept >= 0:
+                    count = kept
+                elif code == FOUND and _covers_cell(w, i + k, j, dx, dy):
+                    code = BLANK
+            k += 1
+        if not whole:
+            break
+        if first:
+            first = False
+            j, i, n = j0, i0, 0
+            tangent_plane(w, best[SIN])
+        else:
+            i += n
+            if i > i1:
+                i = i0
+                j += 1
+        if j > j1:
+            break
+        n = min(i1 - i + 1, ROW)
+        k = 0
+        _bound_row(roof, j, i, n, dx, dy, far_x, far_y, w)
+    if best[GAP] == math.inf and not whole:
+        best[GAP] = gap_at(grid, meta, w, sine, cosine, s)
+        if math.isnan(best[GAP]):
+            best[GAP] = math.inf
+    if best[GAP] == math.inf and code == FOUND:
+        code = BLANK
+    return code, count
+
+
+@inlined
+def cells_within(low: float, high: float, step: float, last: int) -> tuple[int, int]:
+    """Return the first and last cell index that low..high reaches along an axis; the first is greater if it reaches none.
+
+    Args:
+        low, high: m from the map's first node.
+        step: m, node spacing.
+        last: index of the axis's last cell.
+    """
+    if high < 0.0 or low > (last + 1) * step:
+        return last + 1, last
+    return int(min(max(math.floor(low / step), 0.0), last)), int(min(math.floor(high / step), last))
+
+
+@njit
+def _covers_cell(w: Array, i: int, j: int, dx: float, dy: float) -> bool:
+    """Return True if a point of the tread lies over the inside of cell (i, j).
+
+    Args:
+        w: (WHEEL_SIZE,) wheel.
+        i, j: column and row of the cell.
+        dx, dy: m, node spacing.
+    """
+    slack_x, slack_y = 1e-9 * dx, 1e-9 * dy
+    x0, y0 = i * dx - w[HX], j * dy - w[HY]
+    return covers(w, x0 + slack_x, x0 + dx - slack_x, y0 + slack_y, y0 + dy - slack_y)
+
+
+@njit
+def patches(ground: Ground, w: Array, found: Array, count: int, keep: float) -> int:
+    """Count the separate contacts of a tread.
+
+    Two places are one contact if they are closer than `ONE` of the radius, or if the tread midway between them touches too.
+
+    Args:
+        ground: terrain.
+        w: (WHEEL_SIZE,) wheel.
+        found, count: local minima of the gap, and how many.
+        keep: m, a gap up to this touches.
+    """
+    grid, _, meta = ground
+    n = 0
+    for i in range(count):
+        fresh = True
+        for j in range(i):
+            s, c = found[i, SIN] + found[j, SIN], found[i, COSINE] + found[j, COSINE]
+            size = math.sqrt(s * s + c * c)
+            apart = abs(found[i, SIN] - found[j, SIN]) * w[RADIUS] + abs(found[i, PLACE] - found[j, PLACE])
+            if apart < ONE * w[RADIUS]:
+                fresh = False
+            elif size > 0.0:
+                place = 0.5 * (found[i, PLACE] + found[j, PLACE])
+                fresh &= gap_at(grid, meta, w, s / size, c / size, place) > keep
+        n += fresh
+    return n

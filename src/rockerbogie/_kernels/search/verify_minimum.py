@@ -1,0 +1,163 @@
+"""Whether a place found by following is the nearest of the whole tread to smooth cubic ground.
+
+Along a rim the gap is hollow where the ground bends less than the rim: one place is the least then. What remains is how
+those least gaps m(s) change over the width: m'' lies between bounds, and from one end of the width, the other, or inside,
+these may prove that m is nowhere lower. Where they do not, the whole tread is searched.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit.decorators import inlined, njit
+from ..model.ground import META_DX, META_DY, META_NX, META_NY, Ground, surface
+from ..model.wheel import AX, AY, AZ, BENDS, BENDS_OF_ALL, EX, EY, GAP, HALF, HX, HY, HZ, RADIUS, UX, UY, UZ, gap_at, tread_point
+from .cubic_cell import BENDS_SIZE, XX, XXX, XXY, XY, XYY, YY, YYY, cell_bends
+from .tread import FOUND, least_gap
+
+Array = NDArray[np.float64]
+
+CELLS = 16  # most cells under a wheel whose bends are looked up one by one
+CLOSE = 1e-9  # m: what a searched tread may lie in the ground
+PIECES = 12  # most pieces that a width is cut into
+
+LEAST, LOWER, UNKNOWN = range(3)
+
+
+@inlined
+def is_least(ground: Ground, w: Array, sine: float, cosine: float, s: float, best: Array, none: Array) -> int:
+    """LEAST where no place of the tread has a lower gap than (φ, s) has, which lies on the ground; LOWER where it fills
+    `best` with one; else UNKNOWN. `none` is room for none."""
+    grid, _, meta = ground
+    if _by_bounds(grid, meta, w, sine, cosine, s):
+        return LEAST
+    code, _ = least_gap(ground, w, sine, cosine, s, True, -math.inf, best, none)
+    if code != FOUND:
+        return UNKNOWN
+    return LEAST if best[GAP] > -CLOSE else LOWER
+
+
+@njit
+def _by_bounds(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s: float) -> bool:
+    """`is_least` by bounds on the ground's second derivatives under the wheel; False where they do not tell."""
+    r, half = w[RADIUS], w[HALF]
+    dx, dy = meta[META_DX], meta[META_DY]
+    out_x = half * abs(w[AX]) + r * math.sqrt(w[EX] * w[EX] + w[UX] * w[UX])
+    out_y = half * abs(w[AY]) + r * math.sqrt(w[EY] * w[EY] + w[UY] * w[UY])
+    i0, i1 = int(math.floor((w[HX] - out_x) / dx)), int(math.floor((w[HX] + out_x) / dx))
+    j0, j1 = int(math.floor((w[HY] - out_y) / dy)), int(math.floor((w[HY] + out_y) / dy))
+    if i0 < 0 or j0 < 0 or i1 > meta[META_NX] - 2.0 or j1 > meta[META_NY] - 2.0 or (i1 - i0 + 1) * (j1 - j0 + 1) > CELLS:
+        return False
+    bends, least = w[BENDS : BENDS + BENDS_SIZE], w[BENDS_OF_ALL : BENDS_OF_ALL + BENDS_SIZE]
+    for k in range(3):
+        least[2 * k], least[2 * k + 1] = math.inf, -math.inf
+    least[XXX:] = 0.0
+    for j in range(j0, j1 + 1):
+        for i in range(i0, i1 + 1):
+            if not cell_bends(grid, i, j, dx, dy, bends):
+                return False
+            for k in range(3):
+                least[2 * k], least[2 * k + 1] = min(least[2 * k], bends[2 * k]), max(least[2 * k + 1], bends[2 * k + 1])
+            for k in range(XXX, BENDS_SIZE):
+                least[k] = max(least[k], bends[k])
+    bend = max(max(-least[XX], least[XX + 1]), max(-least[YY], least[YY + 1])) + max(-least[XY], least[XY + 1])
+    x, y, _ = tread_point(w, sine, cosine, s)
+    _, gx, gy, hxx, hxy, hyy = surface(grid, meta, w[HX] + x, w[HY] + y)
+    steep = abs(gx * w[UX] + gy * w[UY]) + 2.0 * bend * (r + half) * abs(w[AZ])
+    room = w[UZ] - steep - bend * r * (1.0 + 0.5 * w[AZ] * w[AZ])
+    if not (room > 0.0 and cosine > 0.0):
+        return False
+    if half == 0.0:
+        return True
+    # the ground's curvature along the axle: within its bounds over the cells, and as far from here as third derivatives allow
+    xx, xy, yy = w[AX] * w[AX], 2.0 * w[AX] * w[AY], w[AY] * w[AY]
+    follow = bend * r / room  # how far φ turns, at most, for a step along the axle
+    far_x, far_y = 2.0 * half * (abs(w[AX]) + follow), 2.0 * half * (abs(w[AY]) + follow)
+    vary = (
+        (least[XXX] * far_x + least[XXY] * far_y) * xx
+        + (least[XXY] * far_x + least[XYY] * far_y) * abs(xy)
+        + (least[XYY] * far_x + least[YYY] * far_y) * yy
+    )
+    here = hxx * xx + hxy * xy + hyy * yy
+    high = min(least[XX + 1] * xx + max(least[XY] * xy, least[XY + 1] * xy) + least[YY + 1] * yy, here + vary)
+    low = max(least[XX] * xx + min(least[XY] * xy, least[XY + 1] * xy) + least[YY] * yy, here - vary)
+    along = w[AZ] - gx * w[AX] - gy * w[AY]  # m'
+    fall, rise = high + bend * follow, max(-low, 0.0)  # m'' is nowhere below -fall, nor above rise
+    crest = -here - bend * follow  # and not below this here
+    if abs(s) < half:
+        if not along * along <= CLOSE * crest:
+            return False
+        reach = 2.0 * half * crest / vary if vary > 0.0 else math.inf  # so far it stays hollow
+        gap = gap_at(grid, meta, w, sine, cosine, s)
+        for way in (1.0, -1.0):
+            left = half - way * s - reach
+            if left > 0.0:
+                place = s + way * reach
+                there, along, sp, cp = _least_of_rim(grid, meta, w, sine, cosine, place)
+                if not _is_clear(grid, meta, w, sp, cp, place, way, left, there, way * along, gap, fall, rise):
+                    return False
+        return True
+    way = -1.0 if s > 0.0 else 1.0
+    if fall < 0.0:  # hollow all along the axle
+        off = max(-way * along, 0.0)
+        return off * off <= -2.0 * fall * CLOSE
+    gap = gap_at(grid, meta, w, sine, cosine, s)
+    return _is_clear(grid, meta, w, sine, cosine, s, way, 2.0 * half, gap, way * along, gap, fall, rise)
+
+
+@njit
+def _is_clear(
+    grid: Array, meta: Array, w: Array, sine: float, cosine: float, s: float, way: float, left: float,
+    here: float, slope: float, gap: float, fall: float, rise: float,
+) -> bool:  # fmt: skip
+    """Whether the rims' least gaps m, `here` at s and changing by `slope`, are nowhere lower than `gap` as far as `left`.
+
+    From piece to piece: m plus a parabola of curvature `fall` is hollow, so that its tangents at both ends bound it from
+    below; and less one of curvature `rise` it lies above its chord.
+    """
+    low, fall = gap - CLOSE, max(fall, 0.0)
+    if not here >= low:
+        return False
+    piece = left
+    for _ in range(PIECES):
+        s_next = s + way * piece
+        there, slope_next, sine_next, cosine_next = _least_of_rim(grid, meta, w, sine, cosine, s_next)
+        slope_next *= way
+        if not there >= low:
+            return False
+        down, up = slope - 0.5 * fall * piece, slope_next + 0.5 * fall * piece
+        dip = max(0.5 * piece - (there - here) / (rise * piece), 0.0) if rise > 0.0 else 0.0
+        above_tangents = down >= 0.0 or up <= 0.0 or here + down * (there - here - up * piece) / (down - up) >= low
+        if above_tangents or here - 0.5 * rise * dip * dip >= low:
+            left -= piece
+            if left <= 0.0:
+                return True
+            s, here, slope, sine, cosine = s_next, there, slope_next, sine_next, cosine_next
+            piece = left
+        else:
+            piece *= 0.5
+    return False
+
+
+@njit
+def _least_of_rim(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s: float) -> tuple[float, float, float, float]:
+    """The least gap of the rim at s, hollow all along, by Newton from φ; its change with s, and where it is. The gap is nan
+    should that not settle."""
+    r = w[RADIUS]
+    for _ in range(20):
+        tx, ty, tz = r * (cosine * w[EX] + sine * w[UX]), r * (cosine * w[EY] + sine * w[UY]), r * sine * w[UZ]
+        nx, ny, nz = r * (-sine * w[EX] + cosine * w[UX]), r * (-sine * w[EY] + cosine * w[UY]), r * cosine * w[UZ]
+        h, gx, gy, hxx, hxy, hyy = surface(grid, meta, w[HX] + s * w[AX] - nx, w[HY] + s * w[AY] - ny)
+        bx, by = hxx * tx + hxy * ty, hxy * tx + hyy * ty
+        slope = tz - gx * tx - gy * ty
+        step = -slope / (nz - gx * nx - gy * ny - bx * tx - by * ty)
+        if abs(step) < 1e-4:  # what is left of it changes neither by more than its square
+            along = w[AZ] - (gx + step * bx) * w[AX] - (gy + step * by) * w[AY]
+            return w[HZ] + s * w[AZ] - nz - h + 0.5 * slope * step, along, sine, cosine
+        step = min(max(step, -0.5), 0.5)
+        size = math.sqrt(1.0 + step * step)
+        sine, cosine = (sine + cosine * step) / size, (cosine - sine * step) / size
+    return math.nan, 0.0, sine, cosine

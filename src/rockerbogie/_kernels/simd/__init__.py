@@ -1,0 +1,1 @@
+"""Solvers for a block of poses, one pose per SIMD lane."""

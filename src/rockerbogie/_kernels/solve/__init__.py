@@ -1,0 +1,1 @@
+"""Solvers for one pose: six contacts, or static equilibrium."""

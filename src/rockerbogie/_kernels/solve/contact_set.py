@@ -1,0 +1,120 @@
+"""All places where a rover is near its ground: of every wheel, and of the belly."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit.decorators import njit
+from ..model.ground import Ground
+from ..model.linkage import P_BOX, P_RADIUS, Z, slope_row, stand
+from ..model.wheel import COSINE, GAP, HX, HY, HZ, PLACE, RADIUS, SIN, contact_slope, tread_point
+from ..search.body_box import N_GAP, N_GX, N_GY, N_X, N_Y, N_Z, NEAR_ROOM, NEAR_SIZE, box_over_ground
+from ..search.tread import FOUND, ROOM, least_gap
+from ..search.workspace import Work
+
+Array = NDArray[np.float64]
+
+TOUCH = 1e-6  # a gap below this is contact, m
+NEAR = 0.05  # of the smallest wheel's radius: places whose gap exceeds a wheel's least by up to this are listed
+LISTED = 6 * (ROOM + 1) + NEAR_ROOM  # how many there may be
+
+
+@njit
+def touch_down(
+    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, full: bool, work: Work,
+    gap: Array, rows: Array, owner: NDArray[np.int64],
+) -> tuple[int, int]:  # fmt: skip
+    """Shift q's z so that the rover just touches, and list its near contacts.
+
+    Missing data and the map's edge are passed over: only known terrain touches. The code tells whether there was any.
+
+    Args:
+        ground: terrain.
+        rover: packed rover (linkage.py).
+        x, y: m, the body's reference point from the map's first node.
+        cy, sy: cos and sin of the heading.
+        q: (6,) z, roll, pitch, rocker, bogies; z is changed.
+        full: if False only z is changed.
+        work: scratch; work.touch holds the contacts to start from.
+        gap: (LISTED,) filled with gaps, m.
+        rows: (LISTED, 6) filled with how each gap changes with q.
+        owner: (LISTED,) filled with the wheel, or 6 for the belly.
+
+    Returns:
+        FOUND, OFF or BLANK (part of a tread or of the box lies off the map or over missing data), and how many are listed;
+        -1 contacts if a wheel has no known terrain under it or lies on its side (code -1).
+    """
+    best, found, axes, knees, wheels = work.best, work.found, work.axes, work.knees, work.wheels
+    near = np.empty((NEAR_ROOM, NEAR_SIZE))
+    grid, _, meta = ground
+    if not stand(rover, work.feet, x, y, cy, sy, q, axes, knees, wheels):
+        return -1, -1
+    astray, count = FOUND, 0
+    least = margin = math.inf
+    for i in range(6):
+        margin = min(margin, NEAR * rover[P_RADIUS + i])
+    for i in range(6):
+        w = wheels[i]
+        t = work.touch[i]
+        code, kept = least_gap(ground, w, t[SIN], t[COSINE], t[PLACE], True, -math.inf, best, work.none)
+        if best[GAP] == math.inf:
+            return code, -1
+        astray = max(astray, code)
+        least = min(least, best[GAP])
+        if not full:
+            continue
+        low = best[GAP]
+        sine, cosine, place = best[SIN], best[COSINE], best[PLACE]
+        t[SIN], t[COSINE], t[PLACE] = sine, cosine, place
+        code, kept = least_gap(ground, w, sine, cosine, place, True, low + margin, best, found)
+        first = count
+        for k in range(-1, kept):
+            if k < 0:
+                g, sp, cp, s = low, sine, cosine, place
+            else:
+                g, sp, cp, s = found[k, GAP], found[k, SIN], found[k, COSINE], found[k, PLACE]
+                twin = (abs(sp - sine) + abs(cp - cosine)) * w[RADIUS] + abs(s - place) < 1e-6
+                if twin:
+                    continue
+            px, py, pz = tread_point(w, sp, cp, s)
+            gx, gy = contact_slope(grid, meta, w, sp, cp, s)
+            slope_row(rover, q, cy, sy, axes, knees, i, w[HX] - x + px, w[HY] - y + py, w[HZ] - q[Z] + pz, gx, gy, rows[count])
+            gap[count], owner[count] = g, i
+            same = False
+            for j in range(first, count):
+                alike = abs(gap[j] - g)
+                for e in range(6):
+                    alike += abs(rows[j, e] - rows[count, e])
+                same |= alike < 1e-9
+            if not same:
+                count += 1
+    code, n = box_over_ground(ground, rover[P_BOX : P_BOX + 6], axes, x, y, q[Z], margin, near)
+    astray = max(astray, code)
+    for k in range(n):
+        least = min(least, near[k, N_GAP])
+        if full:
+            slope_row(
+                rover,
+                q,
+                cy,
+                sy,
+                axes,
+                knees,
+                0,
+                near[k, N_X],
+                near[k, N_Y],
+                near[k, N_Z],
+                near[k, N_GX],
+                near[k, N_GY],
+                rows[count],
+            )
+            rows[count, 3:] = 0.0
+            gap[count], owner[count] = near[k, N_GAP], 6
+            count += 1
+    q[Z] -= least
+    for k in range(count):
+        gap[k] -= least
+    return astray, count

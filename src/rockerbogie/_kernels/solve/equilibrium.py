@@ -1,0 +1,374 @@
+"""The rover at rest: the least potential energy of its masses with no tread and no belly in the ground, joints in their stops.
+
+Lifting the body by h opens every gap by exactly h. So a pose is made to just touch by one shift of z, and what is left is
+to go down. Of several low places that is sought which the rover comes to when it is let down (`let_down`); from near
+there a sequence of small quadratic programmes finds it exactly, each with every near contact of every wheel (not only the
+lowest), the belly's near places, the stops and a trust region. Energy falls at every step taken. Where a step would run
+into ground that the programme did not foresee (a kink: another slope of the same wheel), what it met joins the programme.
+
+If the descent tips over or no equilibrium is found after it, `batch.rest_left` solves again from the six-wheel pose of
+contact mode (`settle_from_pose`).
+
+The forces are those of what touches, none below nought, that hold the weight best; if they fail to, the rover does not
+rest there and no pose is given. They are told over the rover's weight.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit.decorators import njit
+from ..model.ground import Ground
+from ..model.linkage import P_STOPS, PITCH, ROCKER, ROLL, Z, stand
+from ..model.mass import centre_of_mass
+from ..model.wheel import COSINE, PLACE, SIN
+from ..search.tread import BLANK, FOUND
+from ..search.workspace import Work
+from .contact_set import LISTED, TOUCH, touch_down
+from .descent import FALLEN, constrain, let_down
+from .newton import BELLY_CONTACT, CONVERGED, JOINT_STOP, NO_DATA, NOT_CONVERGED, OFF_MAP, TIPPED, WHEEL_LIFTED
+from .qp import invert, solve_qp
+
+Array = NDArray[np.float64]
+
+MOST = 200  # programmes
+TRUST = 0.02  # first trust region, rad (and m)
+WIDEST = 0.3
+ON_STOP = 1e-8  # rad
+STILL = 1e-3  # of the weight (times a metre): forces that leave more unheld do not hold the rover
+DONE = 1e-11  # a programme that promises less than this has arrived (m of the centre of mass)
+CUTS = 24  # places met beyond a step that was not taken
+ROWS = LISTED + CUTS
+CONSTRAINTS = ROWS + 6 + 12
+
+# What each pose reports beside q: forces of the wheels and the belly as shares of the weight, and flags.
+R_FORCE = 0  # (6,)
+R_BELLY = 6  # force on the belly
+R_LIFTED = 7  # (6,) 1 where the wheel is in the air
+R_STOP = 13  # (3,) -1 or +1 where rocker, left, right bogie lie on their low or high stop
+R_SIZE = 16
+
+
+@njit
+def settle_equilibrium(
+    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, report: Array, work: Work
+) -> int:
+    """Compute the equilibrium that the rover reaches when it is let down from above, level and with straight joints.
+
+    Args:
+        ground: the packed terrain (ground.Ground).
+        rover: (P_SIZE,) the packed rover.
+        x, y: position of the body's reference point from the first grid node, m.
+        cy, sy: cosine and sine of the heading.
+        q: (6,) z, roll, pitch, rocker and both bogies, m and rad; written, NaN on failure.
+        report: (R_SIZE,) forces and flags; written, NaN on failure.
+        work: scratch memory; `workspace.feet` holds the steering.
+
+    Returns:
+        Status code: CONVERGED, JOINT_STOP, WHEEL_LIFTED or BELLY_CONTACT at an equilibrium; otherwise OFF_MAP, NO_DATA,
+        TIPPED or NOT_CONVERGED.
+    """
+    gap, rows, owner = np.empty(ROWS), np.empty((ROWS, 6)), np.empty(ROWS, np.int64)
+    n, b = np.empty((CONSTRAINTS, 6)), np.empty(CONSTRAINTS)
+    code, count = let_down(ground, rover, x, y, cy, sy, q, work, gap, rows, owner, n, b)
+    if count < 0:
+        q[:] = report[:] = math.nan
+        return NO_DATA if code == BLANK else (OFF_MAP if code > 0 else TIPPED)
+    return minimize_energy(ground, rover, x, y, cy, sy, q, report, work, gap, rows, owner, n, b, count, code)
+
+
+@njit
+def settle_from_pose(
+    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, report: Array, work: Work
+) -> int:
+    """Compute the equilibrium that the exact solve reaches from a given pose.
+
+    A joint beyond its limit starts at the limit. z is shifted so that the rover just touches the terrain.
+
+    Args:
+        ground: the packed terrain (ground.Ground).
+        rover: (P_SIZE,) the packed rover.
+        x, y: position of the body's reference point from the first grid node, m.
+        cy, sy: cosine and sine of the heading.
+        q: (6,) the start pose, replaced by the equilibrium, m and rad; NaN on failure.
+        report: (R_SIZE,) forces and flags; written, NaN on failure.
+        work: scratch memory; `workspace.feet` holds the steering.
+
+    Returns:
+        Status code as `settle_equilibrium`; TIPPED also if the start pose is tipped over.
+    """
+    gap, rows, owner = np.empty(ROWS), np.empty((ROWS, 6)), np.empty(ROWS, np.int64)
+    n, b = np.empty((CONSTRAINTS, 6)), np.empty(CONSTRAINTS)
+    code, count = -1, -1
+    if max(abs(q[ROLL]), abs(q[PITCH])) <= FALLEN:
+        for i in range(6):
+            work.touch[i, SIN], work.touch[i, COSINE], work.touch[i, PLACE] = 0.0, 1.0, 0.0
+        for k in range(3):
+            at = P_STOPS if k == 0 else P_STOPS + 2
+            q[ROCKER + k] = min(max(q[ROCKER + k], rover[at]), rover[at + 1])
+        code, count = touch_down(ground, rover, x, y, cy, sy, q, True, work, gap, rows, owner)
+    if count < 0:
+        q[:] = report[:] = math.nan
+        return NO_DATA if code == BLANK else (OFF_MAP if code > 0 else TIPPED)
+    return minimize_energy(ground, rover, x, y, cy, sy, q, report, work, gap, rows, owner, n, b, count, code)
+
+
+@njit
+def minimize_energy(
+    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, report: Array, work: Work,
+    gap: Array, rows: Array, owner: NDArray[np.int64], n: Array, b: Array, count: int, astray: int,
+) -> int:  # fmt: skip
+    """Move q to a minimum of the potential energy and compute the contact forces that hold it.
+
+    Args:
+        ground: the packed terrain (ground.Ground).
+        rover: (P_SIZE,) the packed rover.
+        x, y: position of the body's reference point from the first grid node, m.
+        cy, sy: cosine and sine of the heading.
+        q: (6,) a pose that just touches, replaced by the equilibrium, m and rad; NaN on failure.
+        report: (R_SIZE,) forces and flags; written, NaN on failure.
+        work: scratch memory; `workspace.feet` holds the steering.
+        gap, rows, owner: (ROWS,), (ROWS, 6), (ROWS,) the contacts of q as `touch_down` lists them; overwritten.
+        n, b: (CONSTRAINTS, 6), (CONSTRAINTS,) scratch for the constraints.
+        count: number of contacts listed.
+        astray: FOUND, or OFF or BLANK if the map's edge or missing data lies under q.
+
+    Returns:
+        Status code as `settle_equilibrium`.
+    """
+    feet, axes, knees = work.feet, work.axes, work.knees
+    force = np.zeros(CONSTRAINTS)
+    slope, trial, d = np.empty(6), np.empty(6), np.empty(6)
+    bend, inverse, copy = np.zeros((6, 6)), np.empty((6, 6)), np.empty((6, 6))
+    old_pull, pull, moved, bearing = np.empty(6), np.empty(6), np.empty(6), np.empty(7)
+    report[:] = math.nan
+    stand(rover, feet, x, y, cy, sy, q, axes, knees, work.wheels)
+    height = q[Z] + centre_of_mass(rover, feet, q, cy, sy, axes, knees, slope)
+    forget(bend)
+    trust = TRUST
+    barred = FOUND  # OFF or BLANK if the map's edge or missing data stopped a step
+    cut_gap, cut_rows, cut_owner = np.empty(CUTS), np.empty((CUTS, 6)), np.empty(CUTS, np.int64)
+    listed, cuts, far = count, 0, 0.0
+    for _ in range(MOST):
+        m = constrain(rover, q, gap, rows, count, trust, n, b)
+        copy[:] = bend
+        if not (invert(copy, inverse) and solve_qp(inverse, slope, n, b, m, d, force)):
+            forget(bend)  # the curvature learnt is spoilt
+            trust *= 0.25
+            if trust < 1e-9:
+                break
+            continue
+        promise = 0.0
+        size = 0.0
+        for k in range(6):
+            promise -= slope[k] * d[k]
+            size = max(size, abs(d[k]))
+        if promise < DONE and size < 1e-6:
+            if cuts > 0 and far > 1e-6:  # held by what was met further off: look again, nearer by
+                trust = 0.3 * far
+                count, cuts, far = listed, 0, 0.0
+                continue
+            arrived = True
+        elif trust < 1e-10:
+            arrived = True
+        else:
+            arrived = False
+        if arrived:
+            if bear(rover, q, slope, gap, rows, count, inverse, n, b, d, force) < STILL:
+                if astray != FOUND:
+                    q[:] = report[:] = math.nan
+                    return NO_DATA if astray == BLANK else OFF_MAP
+                return judge(rover, q, gap, owner, force, count, report)
+            # no: kinks took for sharp curvature have brought it to a halt. On, with nothing learnt
+            forget(bend)
+            trust = 0.1 * TRUST
+            count, cuts, far = listed, 0, 0.0
+            continue
+        for k in range(6):
+            trial[k] = q[k] + d[k]
+        low_before = height
+        for k in range(6):  # the force each constraint bears pulls on the pose: what the curvature is learnt from
+            old_pull[k] = slope[k]
+            for j in range(count):
+                old_pull[k] -= force[j] * rows[j, k]
+        for j in range(7):
+            bearing[j] = 0.0
+        for j in range(count):
+            bearing[owner[j]] += force[j]
+        code, m = touch_down(ground, rover, x, y, cy, sy, trial, False, work, gap, rows, owner)
+        stands = m >= 0
+        if not stands:
+            barred = code
+        else:
+            new = trial[Z] + centre_of_mass(rover, feet, trial, cy, sy, axes, knees, pull)
+        if not stands or not new < low_before - 1e-4 * promise + 1e-15:
+            before = cuts
+            if stands:  # what it ran into joins the programme: past a kink another slope of the same wheel holds it
+                lift = q[Z] + d[Z] - trial[Z]
+                _, m = touch_down(ground, rover, x, y, cy, sy, trial, True, work, gap, rows, owner)
+                for k in range(m):
+                    if gap[k] + lift < -0.1 * promise and cuts < CUTS:
+                        cut_gap[cuts] = gap[k] + lift
+                        for j in range(6):
+                            cut_gap[cuts] -= rows[k, j] * d[j]
+                            cut_rows[cuts, j] = rows[k, j]
+                        cut_gap[cuts] = max(cut_gap[cuts], 0.0)
+                        cut_owner[cuts] = owner[k]
+                        cuts += 1
+            far = max(far, size)
+            if before > 0 or cuts == 0:
+                trust = 0.25 * min(trust, size)
+            # the pose stands as it was: list its contacts anew
+            code, count = touch_down(ground, rover, x, y, cy, sy, q, True, work, gap, rows, owner)
+            height = q[Z] + centre_of_mass(rover, feet, q, cy, sy, axes, knees, slope)
+            listed = count
+            for k in range(cuts):
+                gap[count], rows[count], owner[count] = cut_gap[k], cut_rows[k], cut_owner[k]
+                count += 1
+            continue
+        if low_before - new > 0.5 * promise and size > 0.9 * trust:
+            trust = min(2.0 * trust, WIDEST)
+        for k in range(6):
+            moved[k] = trial[k] - q[k]
+            q[k] = trial[k]
+        if max(abs(q[ROLL]), abs(q[PITCH])) > FALLEN:
+            q[:] = math.nan
+            return TIPPED
+        astray, count = touch_down(ground, rover, x, y, cy, sy, q, True, work, gap, rows, owner)
+        height = q[Z] + centre_of_mass(rover, feet, q, cy, sy, axes, knees, slope)
+        listed, cuts, far = count, 0, 0.0
+        for k in range(6):
+            pull[k] = slope[k]
+        for i in range(7):  # each bearer's lowest contact carries its force on
+            first = -1
+            for j in range(count):
+                if owner[j] == i and (first < 0 or gap[j] < gap[first]):
+                    first = j
+            if first >= 0:
+                for k in range(6):
+                    pull[k] -= bearing[i] * rows[first, k]
+        learn(bend, moved, pull, old_pull)
+    q[:] = math.nan
+    return NO_DATA if barred == BLANK else (OFF_MAP if barred > 0 else NOT_CONVERGED)
+
+
+@njit
+def forget(bend: Array) -> None:
+    """Begin with the same slight curvature in every direction."""
+    for i in range(6):
+        for j in range(6):
+            bend[i, j] = 0.5 if i == j else 0.0
+
+
+@njit
+def bear(
+    rover: Array,
+    q: Array,
+    slope: Array,
+    gap: Array,
+    rows: Array,
+    count: int,
+    inverse: Array,
+    n: Array,
+    b: Array,
+    d: Array,
+    force: Array,
+) -> float:
+    """Fill force (count,) with what each touching place bears, no less than nought, so that together with the stops they
+    hold the rover best. Returns by how much they fail to: the steepest way down left open, 0 where the rover rests.
+    A joint that all but lies on its stop is put there."""
+    m = 0
+    for k in range(count):
+        if gap[k] <= TOUCH:
+            n[m], b[m] = rows[k], 0.0
+            m += 1
+    for k in range(3):
+        for end in range(2):
+            sign = 1.0 if end == 0 else -1.0
+            stop = rover[(P_STOPS if k == 0 else P_STOPS + 2) + end]
+            if sign * (q[ROCKER + k] - stop) < ON_STOP:
+                q[ROCKER + k] = stop
+                n[m], b[m] = 0.0, 0.0
+                n[m, ROCKER + k] = sign
+                m += 1
+    for i in range(6):
+        for j in range(6):
+            inverse[i, j] = 1.0 if i == j else 0.0
+    if not solve_qp(inverse, slope, n, b, m, d, force):
+        return math.inf
+    m = 0
+    for k in range(count):
+        if gap[k] <= TOUCH:
+            m += 1
+    for k in range(count - 1, -1, -1):
+        if gap[k] <= TOUCH:
+            m -= 1
+            force[k] = force[m]
+        else:
+            force[k] = 0.0
+    left = 0.0
+    for k in range(6):
+        left = max(left, abs(d[k]))
+    return left
+
+
+@njit
+def learn(bend: Array, moved: Array, pull: Array, old_pull: Array) -> None:
+    """Powell's damped BFGS update of the curvature from how the pull changed along the way."""
+    bs = np.empty(6)
+    sbs = sy = 0.0
+    for i in range(6):
+        bs[i] = 0.0
+        for j in range(6):
+            bs[i] += bend[i, j] * moved[j]
+    for i in range(6):
+        sbs += moved[i] * bs[i]
+        sy += moved[i] * (pull[i] - old_pull[i])
+    if not sbs > 1e-24:
+        return
+    share = 1.0 if sy >= 0.2 * sbs else 0.8 * sbs / (sbs - sy)
+    y = np.empty(6)
+    sy = 0.0
+    for i in range(6):
+        y[i] = share * (pull[i] - old_pull[i]) + (1.0 - share) * bs[i]
+        sy += moved[i] * y[i]
+    for i in range(6):
+        for j in range(6):
+            bend[i, j] += y[i] * y[j] / sy - bs[i] * bs[j] / sbs
+    for i in range(6):
+        bend[i, i] += 1e-6
+
+
+@njit
+def judge(rover: Array, q: Array, gap: Array, owner: NDArray[np.int64], force: Array, count: int, report: Array) -> int:
+    """Forces and flags of a pose at rest, and its status."""
+    report[:] = 0.0
+    for i in range(6):
+        report[R_LIFTED + i] = 1.0
+    belly = False
+    for k in range(count):
+        report[R_FORCE + owner[k]] += force[k]
+        if gap[k] <= TOUCH:
+            if owner[k] < 6:
+                report[R_LIFTED + owner[k]] = 0.0
+            else:
+                belly = True
+    stopped = False
+    for k in range(3):
+        at = P_STOPS if k == 0 else P_STOPS + 2
+        if q[ROCKER + k] <= rover[at] + 1e-9:
+            report[R_STOP + k] = -1.0
+        elif q[ROCKER + k] >= rover[at + 1] - 1e-9:
+            report[R_STOP + k] = 1.0
+        stopped |= report[R_STOP + k] != 0.0
+    lifted = False
+    for i in range(6):
+        lifted |= report[R_LIFTED + i] != 0.0
+    if belly:
+        return BELLY_CONTACT
+    if lifted:
+        return WHEEL_LIFTED
+    return JOINT_STOP if stopped else CONVERGED

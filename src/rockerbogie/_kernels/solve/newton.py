@@ -1,0 +1,225 @@
+"""Six wheels on the ground: the pose whose six gaps are zero."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit.decorators import inlined, njit
+from ..model.ground import Ground, surface
+from ..model.linkage import BOGIE_L, BOGIE_R, P_HUB, P_PIVOT, P_RADIUS, P_STOPS, ROCKER, Z, slope_row, stand
+from ..model.wheel import COSINE, GAP, HX, HY, HZ, PLACE, RADIUS, SIN, contact_slope, tread_point
+from ..search.tread import BLANK, FOUND, OFF, least_gap
+from ..search.workspace import Work
+
+Array = NDArray[np.float64]
+
+
+@njit
+def _without_bogie(a: Array, b: Array, side: int) -> tuple[float, float, float, float]:
+    """One side's two bogie rows without its bogie angle and without z (by row 0): three coefficients, right hand side."""
+    p, o = _pivot(a, side)
+    k = a[o, 4 + side] / a[p, 4 + side]
+    z = 1.0 - k  # what is left of z's coefficient
+    return (
+        a[o, 1] - k * a[p, 1] - z * a[0, 1],
+        a[o, 2] - k * a[p, 2] - z * a[0, 2],
+        a[o, 3] - k * a[p, 3] - z * a[0, 3],
+        b[o] - k * b[p] - z * b[0],
+    )
+
+
+@inlined
+def _pivot(a: Array, side: int) -> tuple[int, int]:
+    """A side's two bogie rows, that which the bogie angle moves more first."""
+    middle, other = 2 + side, 4 + side
+    if abs(a[middle, 4 + side]) >= abs(a[other, 4 + side]):
+        return middle, other
+    return other, middle
+
+
+@njit
+def solve_linkage(a: Array, b: Array) -> bool:
+    """Solve a x = b for the linkage's six equations (x in b): rows 0, 1 know no bogie angle, rows 2, 4 only the left
+    one, rows 3, 5 only the right one, and z's coefficient is 1 in all. False where it is singular to rounding."""
+    p1, p2, p3, p = a[1, 1] - a[0, 1], a[1, 2] - a[0, 2], a[1, 3] - a[0, 3], b[1] - b[0]
+    q1, q2, q3, q = _without_bogie(a, b, 0)
+    r1, r2, r3, r = _without_bogie(a, b, 1)
+    # x = (p Q×R + q R×P + r P×Q) / P·Q×R
+    u1, u2, u3 = q2 * r3 - q3 * r2, q3 * r1 - q1 * r3, q1 * r2 - q2 * r1
+    v1, v2, v3 = r2 * p3 - r3 * p2, r3 * p1 - r1 * p3, r1 * p2 - r2 * p1
+    w1, w2, w3 = p2 * q3 - p3 * q2, p3 * q1 - p1 * q3, p1 * q2 - p2 * q1
+    det = p1 * u1 + p2 * u2 + p3 * u3
+    roll = (p * u1 + q * v1 + r * w1) / det
+    pitch = (p * u2 + q * v2 + r * w2) / det
+    rocker = (p * u3 + q * v3 + r * w3) / det
+    z = b[0] - a[0, 1] * roll - a[0, 2] * pitch - a[0, 3] * rocker
+    m, _ = _pivot(a, 0)
+    left = (b[m] - z - a[m, 1] * roll - a[m, 2] * pitch - a[m, 3] * rocker) / a[m, BOGIE_L]
+    m, _ = _pivot(a, 1)
+    right = (b[m] - z - a[m, 1] * roll - a[m, 2] * pitch - a[m, 3] * rocker) / a[m, BOGIE_R]
+    b[0], b[1], b[2], b[3], b[4], b[5] = z, roll, pitch, rocker, left, right
+    return math.isfinite(z + left + right)
+
+
+@njit
+def stand_on_hubs(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, work: Work) -> None:
+    """A first step, cheap: as if each wheel stood on the ground right under its hub, and that were level."""
+    grid, _, meta = ground
+    wheels, rows, step = work.wheels, work.rows, work.step
+    if not stand(rover, work.feet, x, y, cy, sy, q, work.axes, work.knees, wheels):
+        return
+    for i in range(6):
+        w = wheels[i]
+        h = surface(grid, meta, w[HX], w[HY])[0]
+        low = w[HZ] - w[RADIUS]
+        slope_row(rover, q, cy, sy, work.axes, work.knees, i, w[HX] - x, w[HY] - y, low - q[Z], 0.0, 0.0, rows[i])
+        step[i] = h - low
+    if solve_linkage(rows, step):
+        move(q, step)
+
+
+@njit
+def move(q: Array, step: Array) -> None:
+    """Take a step, shortened where it would turn anything by more than `STRIDE`."""
+    big = 0.0
+    for k in range(1, 6):
+        big = max(big, abs(step[k]))
+    scale = min(1.0, STRIDE / big) if big > 0.0 else 1.0
+    for k in range(6):
+        q[k] += scale * step[k]
+
+
+@inlined
+def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, work: Work) -> int:
+    """Solve for six zero gaps by Newton's method from q, each gap over the whole tread.
+
+    The contact is found anew at every step, so the gap's slope is that of the touching point alone (the envelope
+    theorem), and the steps converge as fast as Newton's. Missing data and the map's edge are passed over on the way: only
+    the pose found must have known terrain under its treads.
+
+    Args:
+        ground: terrain.
+        rover: packed rover (linkage.py).
+        x, y: m, the body's reference point from the map's first node.
+        cy, sy: cos and sin of the heading.
+        q: (6,) z, roll, pitch, rocker, bogies; start on entry, pose on return.
+        work: scratch; work.touch holds the contacts.
+
+    Returns:
+        FOUND; OFF or BLANK if a wheel had no known terrain at all under it; these plus FOUND_OVER if a pose was found that has a
+        tread over the map's edge or missing data; -1 if Newton did not converge.
+    """
+    grid, _, meta = ground
+    axes, knees, wheels, rows, step, touch = work.axes, work.knees, work.wheels, work.rows, work.step, work.touch
+    whole = True
+    for it in range(STEPS):
+        if not stand(rover, work.feet, x, y, cy, sy, q, axes, knees, wheels):
+            return -1
+        worst = 0.0
+        astray = FOUND
+        for i in range(6):
+            t = touch[i]
+            code, _ = least_gap(ground, wheels[i], t[SIN], t[COSINE], t[PLACE], whole, -math.inf, t, work.none)
+            if code != FOUND:
+                if not whole:
+                    code, _ = least_gap(ground, wheels[i], t[SIN], t[COSINE], t[PLACE], True, -math.inf, t, work.none)
+                if t[GAP] == math.inf:
+                    return code
+                astray = code if code != FOUND else astray
+            worst = max(worst, abs(t[GAP]))
+        if worst < TOLERANCE:
+            if whole:
+                return astray if astray == FOUND else astray + FOUND_OVER
+            whole = True  # settled on the contacts followed: is there a lower one anywhere on the treads?
+            continue
+        whole = it >= FOLLOWED or worst < NEARLY
+        for i in range(6):
+            t, w = touch[i], wheels[i]
+            px, py, pz = tread_point(w, t[SIN], t[COSINE], t[PLACE])
+            gx, gy = contact_slope(grid, meta, w, t[SIN], t[COSINE], t[PLACE])
+            slope_row(rover, q, cy, sy, axes, knees, i, w[HX] - x + px, w[HY] - y + py, w[HZ] - q[Z] + pz, gx, gy, rows[i])
+            step[i] = -t[GAP]
+        if not solve_linkage(rows, step):
+            return -1
+        move(q, step)
+    return -1
+
+
+# Codes as rockerbogie.Status
+CONVERGED, OFF_MAP, NO_DATA, JOINT_STOP, NOT_CONVERGED, WHEEL_LIFTED, BELLY_CONTACT, TIPPED = range(8)
+TOLERANCE = 1e-10  # of every gap, m
+STEPS = 18  # Newton needs three on smooth ground, five on rough; a cycle between two rocks shows by then
+NEARLY = 1e-5  # m: gaps below which Newton is as good as done
+FOLLOWED = 8  # steps in which contacts are followed; from then on they are sought anew each time
+STARTS = 32
+STRAYED = 8  # starts that may put a wheel wholly off the known terrain before the place itself counts as off it
+FOUND_OVER = 8  # added to OFF or BLANK
+STRIDE = 0.3  # rad, the longest step
+WIDEST = 1.4  # rad: a settled joint or attitude beyond this is the linkage folded over, not standing
+
+
+@njit
+def start_pose(ground: Ground, rover: Array, x: float, y: float, attempt: int, q: Array, touch: Array) -> None:
+    """The pose to start from: level for the first attempt, then leaning and bent by a fixed low-discrepancy sequence."""
+    grid, _, meta = ground
+    for i in range(6):
+        touch[i, GAP], touch[i, SIN], touch[i, COSINE], touch[i, PLACE] = 0.0, 0.0, 1.0, 0.0
+    height = surface(grid, meta, x, y)[0]
+    if math.isnan(height):
+        height = 0.0  # a hole under the body alone is no matter: begin at the map's middling height
+    q[Z] = height + rover[P_RADIUS] - rover[P_HUB + 2] - rover[P_PIVOT + 2]
+    spread = 0.2 + 0.2 * (attempt % 3)
+    share = 1.0
+    for k in range(1, 6):
+        share *= 0.8812714616335696  # powers of 1 / the root of t^6 = t + 1 fill five dimensions evenly
+        part = 0.5 + attempt * share
+        q[k] = 2.0 * spread * (part - math.floor(part) - 0.5)
+
+
+@inlined
+def settle_contact(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, work: Work) -> int:
+    """Find a pose whose six gaps are zero, by Newton's method from a fixed sequence of starts.
+
+    The first start is level. Where two contacts of a wheel take turns Newton may cycle; then it starts again from another
+    attitude. The first start that leads to an upright pose over known terrain counts: the answer depends on the arguments alone.
+
+    Args:
+        ground: terrain.
+        rover: packed rover (linkage.py).
+        x, y: m, the body's reference point from the map's first node.
+        cy, sy: cos and sin of the heading.
+        q: (6,) filled with the pose, NaN if there is none.
+        work: scratch; work.feet holds the steering.
+
+    Returns:
+        Status code.
+    """
+    strayed, over = 0, FOUND
+    for attempt in range(STARTS):
+        start_pose(ground, rover, x, y, attempt, q, work.touch)
+        if attempt == 0:
+            stand_on_hubs(ground, rover, x, y, cy, sy, q, work)
+        code = newton(ground, rover, x, y, cy, sy, q, work)
+        if code == OFF or code == BLANK:
+            strayed, over = strayed + 1, code
+            if strayed == STRAYED:
+                break
+        elif code > FOUND_OVER:
+            over = code - FOUND_OVER
+        elif code == FOUND and max(max(abs(q[1]), abs(q[2])), max(abs(q[3]), max(abs(q[4]), abs(q[5])))) < WIDEST:
+            return JOINT_STOP if beyond_stops(rover, q) else CONVERGED
+    q[:] = math.nan
+    return NOT_CONVERGED if over == FOUND else (OFF_MAP if over == OFF else NO_DATA)
+
+
+@njit
+def beyond_stops(rover: Array, q: Array) -> bool:
+    """Whether a joint stands beyond its stop."""
+    for k in range(3):
+        at = P_STOPS if k == 0 else P_STOPS + 2
+        if not rover[at] <= q[ROCKER + k] <= rover[at + 1]:
+            return True
+    return False

@@ -1,0 +1,136 @@
+"""A small strictly convex quadratic programme, by the dual active-set method of Goldfarb & Idnani (1983).
+
+    least  c·d + d·B d / 2   with   n_k·d ≥ b_k
+
+It starts at the free minimum and takes in one violated constraint after another, so that no feasible start is needed.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit.decorators import njit
+
+Array = NDArray[np.float64]
+SLACK = 1e-13
+
+
+@njit
+def invert(a: Array, out: Array) -> bool:
+    """Inverse of a symmetric positive definite matrix by elimination; false if it is not. Destroys `a`."""
+    n = a.shape[0]
+    for i in range(n):
+        for j in range(n):
+            out[i, j] = 1.0 if i == j else 0.0
+    for k in range(n):
+        pivot = a[k, k]
+        if not pivot > 0.0:
+            return False
+        for j in range(n):
+            a[k, j] /= pivot
+            out[k, j] /= pivot
+        for i in range(n):
+            if i != k:
+                f = a[i, k]
+                if f != 0.0:
+                    for j in range(n):
+                        a[i, j] -= f * a[k, j]
+                        out[i, j] -= f * out[k, j]
+    return True
+
+
+@njit
+def solve_qp(inverse: Array, c: Array, n: Array, b: Array, count: int, d: Array, force: Array) -> bool:
+    """Fill d (size,) and the multipliers `force` (count,) from B's inverse; false if the constraints cannot all hold."""
+    size = c.size
+    active = np.empty(size, np.int64)
+    u = np.empty(size + 1)
+    normal = np.empty(size)
+    hn = np.empty(size)
+    z, r = np.empty(size), np.empty(size)
+    m, minv = np.empty((size, size)), np.empty((size, size))
+    k_active = 0
+    for i in range(size):
+        total = 0.0
+        for j in range(size):
+            total -= inverse[i, j] * c[j]
+        d[i] = total
+    for _ in range(20 * (size + count)):
+        worst, pick = -SLACK, -1
+        for k in range(count):
+            s = -b[k]
+            for j in range(size):
+                s += n[k, j] * d[j]
+            if s < worst:
+                worst, pick = s, k
+        if pick < 0:
+            for k in range(count):
+                force[k] = 0.0
+            for a in range(k_active):
+                force[active[a]] = u[a]
+            return True
+        for j in range(size):
+            normal[j] = n[pick, j]
+        fresh = 0.0
+        while True:
+            for i in range(size):
+                hn[i] = 0.0
+                for j in range(size):
+                    hn[i] += inverse[i, j] * normal[j]
+            for a in range(k_active):
+                for e in range(k_active):
+                    total = 0.0
+                    for i in range(size):
+                        row = 0.0
+                        for j in range(size):
+                            row += inverse[i, j] * n[active[e], j]
+                        total += n[active[a], i] * row
+                    m[a, e] = total
+            if k_active > 0 and not invert(m[:k_active, :k_active], minv[:k_active, :k_active]):
+                return False
+            for a in range(k_active):
+                r[a] = 0.0
+                for e in range(k_active):
+                    dot = 0.0
+                    for j in range(size):
+                        dot += n[active[e], j] * hn[j]
+                    r[a] += minv[a, e] * dot
+            for i in range(size):
+                z[i] = hn[i]
+                for a in range(k_active):
+                    row = 0.0
+                    for j in range(size):
+                        row += inverse[i, j] * n[active[a], j]
+                    z[i] -= row * r[a]
+            dual, drop = math.inf, -1
+            for a in range(k_active):
+                if r[a] > 1e-14 and u[a] / r[a] < dual:
+                    dual, drop = u[a] / r[a], a
+            zn = scale = 0.0
+            for j in range(size):
+                zn += z[j] * normal[j]
+                scale += hn[j] * normal[j]
+            full = -worst / zn if k_active < size and zn > 1e-12 * scale else math.inf
+            step = min(dual, full)
+            if step == math.inf:
+                return False
+            for a in range(k_active):
+                u[a] -= step * r[a]
+            fresh += step
+            if full < math.inf:
+                for j in range(size):
+                    d[j] += step * z[j]
+                worst += step * zn
+            if step == full:
+                active[k_active] = pick
+                u[k_active] = fresh
+                k_active += 1
+                break
+            for a in range(drop, k_active - 1):
+                active[a] = active[a + 1]
+                u[a] = u[a + 1]
+            k_active -= 1
+    return False

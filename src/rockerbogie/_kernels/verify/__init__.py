@@ -1,0 +1,1 @@
+"""Independent verification of gaps. It shares no code with the search."""

@@ -1,0 +1,72 @@
+"""A piece of ground as triangles: its surface, and the sides where it is cut out."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.colors import to_rgb
+from numpy.typing import NDArray
+
+from ..terrain.heightfield import Terrain
+from .render import Mesh
+
+Array = NDArray[np.float64]
+
+SOIL = np.array(to_rgb("#d9b48f"))
+_CUT = np.array(to_rgb("#b9a58e"))
+CELLS = 260  # along the longer side
+
+
+def ground_mesh(
+    terrain: Terrain, bounds: tuple[float, float, float, float], base: float | None = None, cells: int = CELLS
+) -> Mesh:
+    """The ground within bounds (xmin, ymin, xmax, ymax), m, on a block that reaches down to `base`.
+
+    Unknown ground is left out. `base` defaults to a little below the lowest point.
+    """
+    x, y, z = sample_ground(terrain, bounds, cells)
+    px, py = np.meshgrid(x, y)
+    points = np.stack([px, py, z], axis=-1)
+    normal = _normals(points)
+    corners, normals = _cells(points), _cells(normal)
+    known = np.isfinite(corners).all(axis=(1, 2))
+    top = Mesh.smooth(corners[known], normals[known], SOIL, ruled=True)
+    floor = base if base is not None else block_base(z)
+    edges = [points[0], points[-1], points[:, 0], points[:, -1]]
+    walls = [_wall(edge, floor) for edge in edges]
+    return Mesh.join([top, *walls])
+
+
+def sample_ground(terrain: Terrain, bounds: tuple[float, float, float, float], cells: int = CELLS) -> tuple[Array, Array, Array]:
+    """Columns x, rows y and heights (rows, cols) that show the ground within bounds, m; nan where it is not known."""
+    xmin, ymin, xmax, ymax = bounds
+    step = max(xmax - xmin, ymax - ymin) / cells
+    x = np.linspace(xmin, xmax, max(2, round((xmax - xmin) / step) + 1))
+    y = np.linspace(ymin, ymax, max(2, round((ymax - ymin) / step) + 1))
+    return x, y, terrain.height(*np.meshgrid(x, y))
+
+
+def block_base(z: Array) -> float:
+    """Where the block under the ground ends, m: a seventh of the relief, but something, below its lowest point."""
+    low, high = float(np.nanmin(z)), float(np.nanmax(z))
+    return low - max(0.15 * (high - low), 0.05)
+
+
+def _normals(points: Array) -> Array:
+    along_y, along_x = np.gradient(points, axis=(0, 1))
+    normal = np.cross(along_x, along_y)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    return normal
+
+
+def _cells(grid: Array) -> Array:
+    """Triangles (n, 3, 3) of a grid (rows, cols, 3)."""
+    a, b, c, d = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
+    return np.concatenate([np.stack([a, b, c], axis=2), np.stack([a, c, d], axis=2)]).reshape(-1, 3, 3)
+
+
+def _wall(edge: Array, floor: float) -> Mesh:
+    below = edge.copy()
+    below[:, 2] = floor
+    strip = np.stack([edge[:-1], edge[1:], below[1:], below[:-1]], axis=1)
+    strip = strip[np.isfinite(strip).all(axis=(1, 2))]
+    return Mesh.flat(np.concatenate([strip[:, [0, 1, 2]], strip[:, [0, 2, 3]]]), _CUT)

@@ -1,0 +1,1 @@
+"""Logs of rovers: reading, odometry, and comparison with predictions."""

@@ -1,0 +1,149 @@
+"""Navigation kinematics: what the sensors on board say of the body's motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import RockerbogieError
+from ..rover.model import Rover
+from .jacobian import Stance, batch_shape, contact_rows, reading
+
+Array = NDArray[np.float64]
+
+UNKNOWNS = 9  # twist, rocker rate, bogie rates
+
+
+@dataclass(frozen=True)
+class Noise:
+    """How far each reading is trusted: standard deviations, numbers or arrays that broadcast with the reading."""
+
+    roll_slip: ArrayLike = 5e-3  # m/s: wheels slip
+    side_slip: ArrayLike = 5e-3  # m/s
+    lift: ArrayLike = 1e-3  # m/s: how well the contact angle is known, times the speed
+    joint_rate: ArrayLike = 1e-3  # rad/s, rocker and bogies
+    gyro: ArrayLike = 1e-4  # rad/s
+    inclinometer: ArrayLike = 1e-2  # rad/s
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """The body's motion as the sensors have it. What they leave open is nan, with infinite covariance."""
+
+    twist: Array  # (..., 6) vx, vy, vz, ωx, ωy, ωz in the body frame, m/s and rad/s
+    covariance: Array  # (..., 6, 6) of the twist
+    rocker_rate: Array  # (...) rad/s
+    bogie_rates: Array  # (..., 2) rad/s
+    residual: Array  # (..., 6, 3) roll slip, side slip and lift of each contact, m/s; expected ones included
+
+
+def body_twist(
+    rover: Rover,
+    pose: Stance,
+    *,
+    wheel_rates: ArrayLike | None = None,
+    rocker_rate: ArrayLike | None = None,
+    bogie_rates: ArrayLike | None = None,
+    steering_rates: ArrayLike | None = None,
+    gyro: ArrayLike | None = None,
+    inclinometer_rates: ArrayLike | None = None,
+    steering: ArrayLike | None = None,
+    expected_slip: ArrayLike | None = None,
+    noise: Noise | None = None,
+) -> Motion:
+    """The body's twist from any of its sensors, by weighted least squares over the contacts of six wheels.
+
+    Each wheel says that its tread does not slip along or across and neither leaves the ground nor sinks; rates that are
+    not measured are solved for beside the twist. A nan reading is no reading.
+
+    Args:
+        pose: joint and contact angles, as for `wheel_jacobians`.
+        wheel_rates: (..., 6) of each motor, wheel against its link, forward positive, rad/s.
+        rocker_rate, bogie_rates: (...) of the left rocker and (..., 2), rad/s.
+        steering_rates: (..., 6) rad/s; not given, the wheels hold their steering.
+        gyro: (..., 3) angular velocity in the body frame, rad/s.
+        inclinometer_rates: (..., 2) rates of roll and pitch, rad/s; needs a pose that has `roll` and `pitch`.
+        steering: (..., 6) rad; default the pose's own.
+        expected_slip: (..., 6, 3) roll slip, side slip and lift of each wheel where something tells them (a model of
+            the soil, a guess of the ground's slope), m/s; default 0.
+        noise: how far each is trusted.
+
+    Raises:
+        RockerbogieError: a reading whose shape does not fit, or that is infinite.
+    """
+    readings: dict[str, tuple[Array, Array]] = {}
+    noise = noise or Noise()
+    if rocker_rate is not None:
+        readings["rocker_rate"] = _direct(reading("rocker_rate", rocker_rate)[..., None], [6], noise.joint_rate)
+    if bogie_rates is not None:
+        readings["bogie_rates"] = _direct(reading("bogie_rates", bogie_rates, 2), [7, 8], noise.joint_rate)
+    if gyro is not None:
+        readings["gyro"] = _direct(reading("gyro", gyro, 3), [3, 4, 5], noise.gyro)
+    if inclinometer_rates is not None:
+        readings["inclinometer_rates"] = _leaning(pose, reading("inclinometer_rates", inclinometer_rates, 2), noise.inclinometer)
+    turned = np.zeros(6) if steering_rates is None else reading("steering_rates", steering_rates, 6)
+    rolled = np.full(6, np.nan)
+    if wheel_rates is not None:
+        rolled = rover.wheel_radius * reading("wheel_rates", wheel_rates, 6)
+    slip = np.zeros((6, 3)) if expected_slip is None else reading("expected_slip", expected_slip, 6, 3)
+    rows = contact_rows(rover, pose, steering)
+    given = {"steering_rates": turned.shape[:-1], "wheel_rates": rolled.shape[:-1], "expected_slip": slip.shape[:-2]}
+    given |= {name: value.shape[:-1] for name, (_, value) in readings.items()}
+    batch_shape(pose=rows.shape[:-3], **given)
+    equations = [
+        _equations(rows[..., 0, :], rolled + slip[..., 0], turned, noise.roll_slip),
+        _equations(rows[..., 1, :], slip[..., 1], turned, noise.side_slip),
+        _equations(rows[..., 2, :], slip[..., 2], turned, noise.lift),
+        *readings.values(),
+    ]
+    shape = np.broadcast_shapes(rows.shape[:-3], turned.shape[:-1], *(value.shape[:-1] for _, value in equations))
+    A = np.concatenate([np.broadcast_to(a, (*shape, *a.shape[-2:])) for a, _ in equations], axis=-2)
+    b = np.concatenate([np.broadcast_to(v, (*shape, v.shape[-1])) for _, v in equations], axis=-1)
+    x, covariance = _least_squares(A, b)
+    # the unknowns left open are nan, and so is every contact they move
+    contact = np.einsum("...ijk,...k->...ij", rows[..., :3, :9], x) + rows[..., :3, 9] * turned[..., None]
+    contact[..., 0] -= rolled
+    return Motion(x[..., :6], covariance[..., :6, :6], x[..., 6], x[..., 7:], contact)
+
+
+def _equations(row: Array, value: Array, steering_rates: Array, sigma: ArrayLike) -> tuple[Array, Array]:
+    """Whitened row · unknowns = value, one a wheel; a nan value strikes its equation out."""
+    weight = 1.0 / np.asarray(sigma, dtype=float)
+    right = value - row[..., 9] * steering_rates
+    known = np.isfinite(right) & np.isfinite(row).all(axis=-1)
+    weight = np.where(known, weight, 0.0)
+    return weight[..., None] * np.where(known[..., None], row[..., :UNKNOWNS], 0.0), weight * np.where(known, right, 0.0)
+
+
+def _direct(value: Array, columns: list[int], sigma: ArrayLike) -> tuple[Array, Array]:
+    """Whitened equations of sensors that read the unknowns of these columns themselves."""
+    row = np.eye(UNKNOWNS + 1)[columns]
+    return _equations(np.broadcast_to(row, (*value.shape[:-1], *row.shape)), value, np.zeros(1), sigma)
+
+
+def _leaning(pose: Stance, rates: Array, sigma: ArrayLike) -> tuple[Array, Array]:
+    """Whitened equations of the rates of roll and pitch, which eq. 10 makes of the angular velocity."""
+    if not (hasattr(pose, "roll") and hasattr(pose, "pitch")) or callable(pose.roll):  # a Dataset's roll is its method
+        raise RockerbogieError("inclinometer_rates need to know how the body leans: give a pose that has roll and pitch")
+    roll, pitch = np.asarray(pose.roll, dtype=float), np.asarray(pose.pitch, dtype=float)
+    row = np.zeros((*np.broadcast_shapes(roll.shape, pitch.shape), 2, UNKNOWNS + 1))
+    row[..., 0, 3] = 1.0
+    row[..., 0, 4], row[..., 0, 5] = np.sin(roll) * np.tan(pitch), np.cos(roll) * np.tan(pitch)
+    row[..., 1, 4], row[..., 1, 5] = np.cos(roll), -np.sin(roll)
+    return _equations(row, rates, np.zeros(1), sigma)
+
+
+def _least_squares(A: Array, b: Array) -> tuple[Array, Array]:
+    """x (..., 9) of least |A x − b|, and its covariance; elements that A leaves open are nan, theirs infinite."""
+    U, s, Vt = np.linalg.svd(A, full_matrices=False)
+    seen = s > 1e-9 * s[..., :1]
+    inverse = np.where(seen, 1.0 / np.where(seen, s, 1.0), 0.0)
+    V = np.swapaxes(Vt, -1, -2)
+    x = np.einsum("...ij,...j->...i", V * inverse[..., None, :], np.einsum("...ji,...j->...i", U, b))
+    covariance = (V * inverse[..., None, :] ** 2) @ Vt
+    open_ = (V**2 * ~seen[..., None, :]).sum(axis=-1) > 1e-12
+    x[open_] = np.nan
+    covariance[open_[..., :, None] | open_[..., None, :]] = np.inf
+    return x, covariance

@@ -1,0 +1,162 @@
+"""What no rover can be: checked whenever one is made, each with the value, the limit and the way out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+from typing import Protocol
+
+import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
+from numpy.typing import NDArray
+
+from ..errors import RoverError
+from .differential import MOST_COEFFICIENTS, check_ratio
+
+Array = NDArray[np.float64]
+
+
+class LinkFields(Protocol):
+    """The fields of a link that the checks read."""
+
+    @property
+    def mass(self) -> float: ...
+    @property
+    def com(self) -> Array: ...
+    @property
+    def inertia(self) -> Array: ...
+
+
+class RoverFields(Protocol):
+    """The fields of a rover that the checks read."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def wheel_names(self) -> tuple[str, ...]: ...
+    @property
+    def rocker_pivot(self) -> Array: ...
+    @property
+    def bogie_pivot(self) -> Array: ...
+    @property
+    def hubs(self) -> Array: ...
+    @property
+    def wheel_radius(self) -> Array: ...
+    @property
+    def wheel_width(self) -> Array: ...
+    @property
+    def rocker_limits(self) -> Array: ...
+    @property
+    def bogie_limits(self) -> Array: ...
+    @property
+    def differential(self) -> Array: ...
+    @property
+    def body_box(self) -> Array: ...
+    @property
+    def links(self) -> Sequence[LinkFields]: ...
+    @property
+    def mass(self) -> float: ...
+
+
+def check_rover(rover: RoverFields) -> None:
+    """Refuse a rover that cannot be.
+
+    Raises:
+        RoverError: the first thing found wrong with it.
+    """
+    check = _Check(rover.name)
+    _check_lengths(rover, check)
+    for label in ("rocker_limits", "bogie_limits"):
+        low, high = getattr(rover, label)
+        check(low <= 0 <= high and low < high, f"{label} ({low:g}, {high:g}) must hold the rest angle 0 between them")
+        check(np.isinf(low) or low > -np.pi, f"{label} {low:g} rad is beyond a half turn: are these degrees?")
+        check(np.isinf(high) or high < np.pi, f"{label} {high:g} rad is beyond a half turn: are these degrees?")
+    _check_wheels(rover, check)
+    _check_differential(rover, check)
+    _check_links(rover, check)
+
+
+def possible_inertia(inertia: Array) -> bool:
+    """True for an inertia (3, 3) some rigid body has: symmetric, no moment negative or above the sum of the other two."""
+    moments = np.linalg.eigvalsh(inertia)
+    slack = 1e-9 * float(np.abs(inertia).max())
+    even = bool(np.abs(inertia - inertia.T).max() <= slack)
+    return even and bool(moments[0] >= -slack and moments[2] <= moments[0] + moments[1] + 1e3 * slack)
+
+
+class _Check:
+    """Raises with the rover's name before the sentence."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def __call__(self, good: bool, sentence: str) -> None:
+        if not good:
+            raise RoverError(f"rover {self.name!r}: {sentence}")
+
+
+def _check_lengths(rover: RoverFields, check: _Check) -> None:
+    check(len(rover.wheel_names) == 6 and len(set(rover.wheel_names)) == 6, "wheel_names needs six different names")
+    for label in ("rocker_pivot", "bogie_pivot", "hubs", "wheel_radius", "wheel_width", "steering_offset", "body_box"):
+        check(bool(np.isfinite(getattr(rover, label)).all()), f"{label} holds a value that is not finite")
+    check(bool((rover.wheel_radius > 0).all()), f"wheel_radius is {rover.wheel_radius.min():g} m; give one above 0")
+    check(bool((rover.wheel_width >= 0).all()), f"wheel_width is {rover.wheel_width.min():g} m; give 0 or more")
+    left, right = rover.hubs[::2, 1], rover.hubs[1::2, 1]
+    check(bool((left > right).all()), "a left hub does not stand left (greater y) of its right one: y points left")
+    arm = np.hypot(*(rover.bogie_pivot - rover.rocker_pivot)[:, [0, 2]].T)
+    check(bool((arm > 1e-6).all()), "bogie pivot and rocker pivot coincide in the side view: the linkage has no rocker")
+    check(bool((rover.body_box[0] < rover.body_box[1]).all()), "body_box: its first corner must be below its second")
+
+
+def _check_wheels(rover: RoverFields, check: _Check) -> None:
+    """No two wheels in one place: at rest, nor a bogie's and its rocker's with the bogie at a stop."""
+    for i, j in combinations((4, 2, 0, 5, 3, 1), 2):
+        apart, need = _gap(rover, rover.hubs, i, j)
+        names = f"{rover.wheel_names[i]} and {rover.wheel_names[j]}"
+        check(apart >= need, f"wheels {names} overlap: hubs {apart:.4g} m apart, radii sum {need:.4g} m")
+    for stop in rover.bogie_limits[np.isfinite(rover.bogie_limits)]:
+        hubs = rover.hubs.copy()
+        for i in range(2, 6):
+            x, _, z = rover.hubs[i] - rover.bogie_pivot[i % 2]
+            turned = (x * np.cos(stop) + z * np.sin(stop), 0.0, z * np.cos(stop) - x * np.sin(stop))
+            hubs[i] = rover.bogie_pivot[i % 2] + turned + (0.0, rover.hubs[i, 1] - rover.bogie_pivot[i % 2, 1], 0.0)
+        for i in range(2, 6):
+            apart, need = _gap(rover, hubs, i, i % 2)
+            names = f"{rover.wheel_names[i]} and {rover.wheel_names[i % 2]}"
+            degrees = f"{np.degrees(stop):.4g} deg"
+            check(apart >= need, f"a bogie cannot reach its stop at {degrees}: wheels {names} meet before; narrow bogie_limits")
+
+
+def _gap(rover: RoverFields, hubs: Array, i: int, j: int) -> tuple[float, float]:
+    """How far two hubs are apart in the side view, and how far they must be: no distance where the wheels pass abreast."""
+    abreast = abs(hubs[i, 1] - hubs[j, 1]) > (rover.wheel_width[i] + rover.wheel_width[j]) / 2
+    apart = float(np.hypot(*(hubs[i] - hubs[j])[[0, 2]]))
+    return apart, 0.0 if abreast else float(rover.wheel_radius[i] + rover.wheel_radius[j])
+
+
+def _check_differential(rover: RoverFields, check: _Check) -> None:
+    c = rover.differential
+    good = c.ndim == 1 and 2 <= len(c) <= MOST_COEFFICIENTS and bool(np.isfinite(c).all())
+    check(good, f"differential needs 2 to {MOST_COEFFICIENTS} finite coefficients")
+    check(c[0] == 0 and c[1] < 0, "differential must turn the right rocker against the left one: c[0] = 0 and c[1] < 0")
+    check_ratio(float(c[1]), f"rover {rover.name!r}")
+    low, high = np.where(np.isfinite(rover.rocker_limits), rover.rocker_limits, 0.0)
+    reach = np.linspace(low, high, 201)
+    turns = polyval(reach, polyder(c)) < 0
+    stuck = float(np.degrees(np.abs(reach[~turns]).min(initial=np.inf)))
+    remedy = "narrow rocker_limits"
+    check(bool(turns.all()), f"differential stops turning the right rocker at {stuck:.3g} deg of the left one: {remedy}")
+
+
+def _check_links(rover: RoverFields, check: _Check) -> None:
+    for label, count in (("rockers", 2), ("bogies", 2), ("wheels", 6)):
+        check(len(getattr(rover, label)) == count, f"{label} needs {count} links, got {len(getattr(rover, label))}")
+    for link in rover.links:
+        check(bool(np.isfinite(link.mass) and link.mass >= 0), f"a link's mass is {link.mass:g} kg; give 0 or more")
+        for label, shape in (("com", (3,)), ("inertia", (3, 3))):
+            value = np.asarray(getattr(link, label))
+            check(value.shape == shape, f"a link's {label} has shape {value.shape}; give {shape}")
+            check(bool(np.isfinite(value).all()), f"a link's {label} holds a value that is not finite")
+        why = "symmetric, not negative, no moment above the other two's sum"
+        check(possible_inertia(link.inertia), f"a link's inertia is none a body can have: {why}")
+    check(rover.mass > 0, "the rover has no mass; give mass= in kg")

@@ -1,0 +1,23 @@
+"""Rovers in files: presets by name, TOML, and the robot formats URDF, SDF and MJCF."""
+
+from __future__ import annotations
+
+from .import_build import Import, build_rover
+from .load import import_rover, load_rover, presets, read_details, read_tree
+from .sdf import to_sdf
+from .toml_write import schema, to_toml
+from .urdf import to_urdf
+
+__all__ = [
+    "Import",
+    "build_rover",
+    "import_rover",
+    "load_rover",
+    "presets",
+    "read_details",
+    "read_tree",
+    "schema",
+    "to_sdf",
+    "to_toml",
+    "to_urdf",
+]

@@ -1,0 +1,84 @@
+"""A Gazebo world: the ground as a mesh, a sun, and the rover standing where it was settled."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import RoverError
+from ..model import Rover
+from .sdf import VERSION, model_element
+
+Array = NDArray[np.float64]
+
+#: More triangles than this make Gazebo's collision engine crawl: finer ground is thinned to every second, third, ... node.
+MOST_TRIANGLES = 250_000
+
+
+def write_world(
+    folder: Path,
+    rover: Rover,
+    origin: tuple[float, float],
+    spacing: tuple[float, float],
+    z: Array,
+    pose: tuple[float, ...],
+) -> list[Path]:
+    """Write `world.sdf` and `ground.obj` into a folder; load with `gz sim world.sdf` from there.
+
+    Args:
+        origin, spacing: x, y of the ground's first node and the steps between nodes, m.
+        z: (rows, cols) the nodes' heights, m; cells with a nan corner are left open.
+        pose: the rover's body x, y, z (m), roll, pitch, yaw (rad).
+
+    Raises:
+        RoverError: ground with no known cell.
+    """
+    step = max(1, int(np.ceil(np.sqrt(2 * z.size / MOST_TRIANGLES))))
+    z = z[::step, ::step]
+    known = np.isfinite(z)
+    cells = np.argwhere(known[:-1, :-1] & known[1:, :-1] & known[:-1, 1:] & known[1:, 1:])
+    if not len(cells):
+        raise RoverError("the ground has no cell with four known corners: choose another terrain")
+    x, y = (origin[k] + step * spacing[k] * np.arange(z.shape[1 - k], dtype=np.float64) for k in (0, 1))
+    ground = folder / "ground.obj"
+    ground.write_text(_obj(x, y, z, cells), encoding="ascii")
+    sdf = Element("sdf", {"version": VERSION, "xmlns:rockerbogie": "urn:rockerbogie"})
+    world = SubElement(sdf, "world", name=f"{rover.name}_world")
+    sun = SubElement(world, "light", name="sun", type="directional")
+    for tag, text in (
+        ("pose", "0 0 100 0 0 0"),
+        ("diffuse", "0.9 0.85 0.8 1"),
+        ("direction", "-0.4 0.2 -0.9"),
+        ("cast_shadows", "true"),
+    ):
+        SubElement(sun, tag).text = text
+    scenery = SubElement(world, "model", name="ground")
+    SubElement(scenery, "static").text = "true"
+    link = SubElement(scenery, "link", name="ground_link")
+    for use in ("collision", "visual"):
+        element = SubElement(link, use, name=f"ground_{use}")
+        mesh = SubElement(SubElement(element, "geometry"), "mesh")
+        SubElement(mesh, "uri").text = ground.name
+    machine = model_element(rover)
+    placed = Element("pose")
+    placed.text = " ".join(repr(float(v)) for v in pose)
+    machine.insert(0, placed)
+    world.append(machine)
+    indent(sdf)
+    path = folder / "world.sdf"
+    path.write_text('<?xml version="1.0"?>\n' + tostring(sdf, encoding="unicode") + "\n", encoding="utf-8")
+    return [path, ground]
+
+
+def _obj(x: Array, y: Array, z: Array, cells: NDArray[np.int64]) -> str:
+    """The ground as Wavefront OBJ, two triangles a cell, seen from above."""
+    cols = z.shape[1]
+    heights = np.where(np.isfinite(z), z, 0.0)
+    lines = [f"v {x[c]:.6f} {y[r]:.6f} {heights[r, c]:.6f}" for r in range(z.shape[0]) for c in range(cols)]
+    for r, c in cells:
+        a = r * cols + c + 1
+        lines += [f"f {a} {a + 1} {a + cols + 1}", f"f {a} {a + cols + 1} {a + cols}"]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,195 @@
+"""Where the wheels' axles stand in the body: the D-H cascade of the paper's eqs 1-4, for any rocker-bogie."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..arrays import once, spanned
+from ..errors import RockerbogieError, expect
+from .model import LOAD_ROVER, Rover
+
+Array = NDArray[np.float64]
+
+RUN = 4096  # steered poses checked at once, in memory that is at hand
+#: Side of each wheel: 0 left, 1 right.
+WHEEL_SIDE = np.array([0, 1, 0, 1, 0, 1])
+#: True for the four wheels that hang on a bogie.
+ON_BOGIE = np.array([False, False, True, True, True, True])
+
+
+def joint_angles(rover: Rover, rocker: ArrayLike, bogie: ArrayLike, steering: ArrayLike | None) -> tuple[Array, Array, Array]:
+    """Rocker (...), bogie (..., 2) and steering (..., 6) broadcast together, rad.
+
+    Raises:
+        RockerbogieError: a shape that does not fit, or steering on a wheel that does not steer.
+    """
+    q = np.asarray(rocker, dtype=float)
+    b = np.asarray(bogie, dtype=float)
+    if b.shape[-1:] != (2,):
+        raise RockerbogieError(f"bogie has shape {b.shape}; its last axis must be 2 (left, right)")
+    s = check_steering(rover, steering)
+    shape = np.broadcast(q, b[..., 0], s[..., 0]).shape
+    return spanned(q, shape), spanned(b, (*shape, 2)), spanned(s, (*shape, 6))
+
+
+def check_steering(rover: Rover, steering: ArrayLike | None) -> Array:
+    """Steering (..., 6) as an array, rad; none given is straight ahead."""
+    expect(rover, Rover, "rover", LOAD_ROVER)
+    if steering is None:
+        return np.zeros(6)
+    s = np.asarray(steering, dtype=float)
+    if s.shape[-1:] != (6,):
+        raise RockerbogieError(f"steering has shape {s.shape}; its last axis must be 6, one angle a wheel (0 where none steers)")
+    said, fixed = once(s).reshape(-1, 6), ~rover.steers
+    weights = fixed.astype(float)
+    for start in range(0, len(said), RUN):
+        part = said[start : start + RUN]
+        with np.errstate(invalid="ignore"):
+            wrong = (np.abs(part) @ weights).any()  # one product tells both: what is not finite is nan even times 0
+        if wrong:
+            if not np.isfinite(part).all():
+                raise RockerbogieError("steering holds an angle that is not finite")
+            names = ", ".join(n for n, bad in zip(rover.wheel_names, fixed & part.any(axis=0), strict=True) if bad)
+            raise RockerbogieError(f"wheel {names} of rover {rover.name!r} does not steer: give it 0")
+    return s
+
+
+def wheel_frames(rover: Rover, rocker: ArrayLike, bogie: ArrayLike, steering: ArrayLike | None = None) -> Array:
+    """T_body_axle (..., 6, 4, 4): each wheel's axle frame in the body (eqs 2-4), x forward, y along the axle to the left.
+
+    Args:
+        rocker: (...) left rocker angle, nose down positive, rad; the right one follows by the differential.
+        bogie: (..., 2) bogie angles to their rockers, left and right, rad.
+        steering: (..., 6) about each wheel's own upright axis, left turn positive, rad.
+    """
+    q, b, psi = joint_angles(rover, rocker, bogie, steering)
+    arm = np.stack([q, rover.right_rocker(q)], axis=-1)[..., WHEEL_SIDE]  # (..., 6) the rocker's angle at each wheel
+    hang = np.where(ON_BOGIE, b[..., WHEEL_SIDE], 0.0)
+    pivot = rover.rocker_pivot[WHEEL_SIDE]
+    knee = np.where(ON_BOGIE[:, None], rover.bogie_pivot[WHEEL_SIDE], pivot)
+    offset = np.concatenate([rover.steering_offset, np.zeros((6, 1))], axis=1)
+    turn = rotation_z(psi)
+    foot = rover.hubs + offset - knee - np.einsum("...ij,...j->...i", turn, np.broadcast_to(offset, (*psi.shape, 3)))
+    level = rotation_y(arm + hang)
+    T = np.zeros((*psi.shape, 4, 4))
+    T[..., :3, :3] = level @ turn
+    T[..., :3, 3] = (
+        pivot
+        + np.einsum("...ij,...j->...i", rotation_y(arm), np.broadcast_to(knee - pivot, (*arm.shape, 3)))
+        + np.einsum("...ij,...j->...i", level, foot)
+    )
+    T[..., 3, 3] = 1.0
+    return T
+
+
+def contact_frames(rover: Rover, axle: ArrayLike, contact_angle: ArrayLike) -> Array:
+    """T_axle_contact applied to axle frames (..., 6, 4, 4): turn by δ about the axle, then a radius down (eq. 5).
+
+    Args:
+        axle: (..., 6, 4, 4), from `wheel_frames`, in any base frame.
+        contact_angle: (..., 6) δ, rad.
+    """
+    delta = np.asarray(contact_angle, dtype=float)
+    T = np.zeros((*delta.shape, 4, 4))
+    T[..., :3, :3] = rotation_y(delta)
+    T[..., :3, 3] = -rover.wheel_radius[:, None] * T[..., :3, 2]
+    T[..., 3, 3] = 1.0
+    return np.asarray(axle, dtype=float) @ T
+
+
+def body_transform(x: ArrayLike, y: ArrayLike, z: ArrayLike, roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike) -> Array:
+    """T_world_body (..., 4, 4) = Rz(yaw) Ry(pitch) Rx(roll) at (x, y, z) (eq. 10, mended)."""
+    parts = np.broadcast_arrays(*(np.asarray(a, dtype=float) for a in (x, y, z, roll, pitch, yaw)))
+    T = np.zeros((*parts[0].shape, 4, 4))
+    T[..., :3, :3] = rotation_z(parts[5]) @ rotation_y(parts[4]) @ rotation_x(parts[3])
+    T[..., :3, 3] = np.stack(parts[:3], axis=-1)
+    T[..., 3, 3] = 1.0
+    return T
+
+
+def rotation_x(angle: ArrayLike) -> Array:
+    """(..., 3, 3) about x."""
+    return _rotation(angle, 1, 2)
+
+
+def rotation_y(angle: ArrayLike) -> Array:
+    """(..., 3, 3) about y: positive is nose down."""
+    return _rotation(angle, 2, 0)
+
+
+def rotation_z(angle: ArrayLike) -> Array:
+    """(..., 3, 3) about z."""
+    return _rotation(angle, 0, 1)
+
+
+def _rotation(angle: ArrayLike, i: int, j: int) -> Array:
+    a = np.asarray(angle, dtype=float)
+    R = np.zeros((*a.shape, 3, 3))
+    k = 3 - i - j
+    R[..., k, k] = 1.0
+    R[..., i, i] = R[..., j, j] = np.cos(a)
+    R[..., j, i] = np.sin(a)
+    R[..., i, j] = -R[..., j, i]
+    return R
+
+
+@dataclass(frozen=True)
+class DHRow:
+    """A line of Table I: the frame, its parent, θ = theta + joint·(the joint's angle), d, a, α (rad, m)."""
+
+    frame: str
+    parent: str
+    theta: float
+    joint: str
+    d: float
+    a: float
+    alpha: float
+
+
+def dh_table(rover: Rover) -> list[DHRow]:
+    """The rover's Denavit-Hartenberg table in the paper's form (Table I), for any track, side and steering offset.
+
+    `joint` names what is added to theta: `rocker_left`, `bogie_right`, `steering_0` … or nothing. A steering axis
+    that misses its hub sideways needs one more frame (W) to turn the axle's x axis forward again.
+    """
+    rows = [DHRow("D", "R", 0.0, "", float(rover.rocker_pivot[0, 2]), float(rover.rocker_pivot[0, 0]), -np.pi / 2)]
+    if not np.allclose(rover.rocker_pivot[0, [0, 2]], rover.rocker_pivot[1, [0, 2]], atol=1e-12):
+        raise RockerbogieError(f"rover {rover.name!r}: its rocker pivots share no axis, so no one frame D holds both")
+    tilt = []
+    for s, side in enumerate(("left", "right")):
+        arm = rover.bogie_pivot[s] - rover.rocker_pivot[s]
+        tilt.append(float(np.arctan2(-arm[2], arm[0])))
+        rows.append(
+            DHRow(
+                f"B{s + 1}", "D", tilt[s], f"rocker_{side}", float(rover.bogie_pivot[s, 1]), float(np.hypot(arm[0], arm[2])), 0.0
+            )
+        )
+    steer, axle = [], []
+    for i in range(6):
+        s, side = i % 2, ("left", "right")[i % 2]
+        on_bogie = i >= 2
+        origin = rover.bogie_pivot[s] if on_bogie else rover.rocker_pivot[s]
+        post = rover.hubs[i, :2] + rover.steering_offset[i] - origin[:2]
+        joint = f"bogie_{side}" if on_bogie else f"rocker_{side}"
+        across = float(post[1]) if on_bogie else float(origin[1] + post[1])
+        steer.append(
+            DHRow(
+                f"S{i + 1}",
+                f"B{s + 1}" if on_bogie else "D",
+                -tilt[s] if on_bogie else 0.0,
+                joint,
+                across,
+                float(post[0]),
+                np.pi / 2,
+            )
+        )
+        back = -rover.steering_offset[i]
+        turn = float(np.arctan2(back[1], back[0])) if back.any() else 0.0
+        drop = float(rover.hubs[i, 2] - origin[2])
+        axle.append(DHRow(f"A{i + 1}", f"S{i + 1}", turn, f"steering_{i}", drop, float(np.hypot(*back)), 0.0))
+        if turn:
+            axle.append(DHRow(f"W{i + 1}", f"A{i + 1}", -turn, "", 0.0, 0.0, 0.0))
+    return rows + steer + axle

@@ -1,0 +1,1 @@
+"""Poses of a rover at rest on terrain: solver, results, status codes, uncertainty."""

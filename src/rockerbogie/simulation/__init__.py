@@ -1,0 +1,1 @@
+"""Rigid-body simulation in MuJoCo, and comparison with settled poses."""

@@ -1,0 +1,8 @@
+"""Terrain: height maps, their files, their roughness, and named surfaces."""
+
+from __future__ import annotations
+
+from . import surfaces
+from .heightfield import Interpolation, Terrain
+
+__all__ = ["Interpolation", "Terrain", "surfaces"]

@@ -1,0 +1,182 @@
+"""Lanes on linear ground: their search never says more than is so, and what they settle is what one pose alone comes to."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import rockerbogie as rb
+from rockerbogie._kernels import batch
+from rockerbogie._kernels.model import linkage, wheel
+from rockerbogie._kernels.model.ground import META_X, META_Y, META_Z
+from rockerbogie._kernels.search.tread import FOUND, least_gap
+from rockerbogie._kernels.search.workspace import WORK_SIZE, lay_out
+from rockerbogie._kernels.simd import bilinear_settle, rim_search
+from rockerbogie._kernels.simd import linkage as lanes
+from support import oracle
+from support.helpers import paper_rover, random_rover
+
+ROVERS = {
+    "thin disc": rb.load_rover("rocky7").replace(wheel_width=np.zeros(6)),
+    "rocky7": rb.load_rover("rocky7"),
+    "perseverance": rb.load_rover("perseverance"),
+    "odd": random_rover(np.random.default_rng(4)),
+    "wide": paper_rover().replace(wheel_width=np.full(6, 0.15)),
+}
+
+
+def ground(kind: str, radius: float) -> rb.Terrain:
+    """Linear ground whose cells are so many times a wheel's radius, dx by dy, and as rough as that."""
+    rng = np.random.default_rng(7)
+    dx, dy, rough_by = {
+        "noise": (0.8, 0.8, 0.15),
+        "fine": (0.25, 0.3, 0.06),
+        "coarse": (4.0, 4.0, 0.8),
+        "stretched": (0.4, 1.6, 0.2),
+        "blocks": (0.7, 0.7, 0.0),
+        "plane": (1.0, 1.0, 0.0),
+    }[kind]
+    z = rng.normal(size=(160, 160)) * rough_by * radius
+    if kind == "blocks":  # a third of it raised by up to a wheel's radius, with upright sides a cell wide
+        z += np.kron(rng.uniform(0, 1.0, (40, 40)) * (rng.uniform(size=(40, 40)) < 0.33), np.ones((4, 4))) * radius
+    if kind == "plane":
+        z += radius * (0.1 * np.arange(160) - 0.05 * np.arange(160)[:, None])
+    return rb.Terrain.from_array(z, (dx * radius, dy * radius), interpolation="linear")
+
+
+def spots(terrain: rb.Terrain, rover: rb.Rover, count: int, seed: int = 3) -> tuple[np.ndarray, ...]:
+    rng = np.random.default_rng(seed)
+    x0, y0, x1, y1 = terrain.bounds
+    far = float(np.hypot(*np.abs(rover.hubs[:, :2]).max(axis=0)) + 2 * (rover.wheel_radius + rover.wheel_width).max())
+    if 2 * far > min(x1 - x0, y1 - y0):
+        pytest.skip("the map is smaller than the rover")
+    return rng.uniform(x0 + far, x1 - far, count), rng.uniform(y0 + far, y1 - far, count), rng.uniform(-np.pi, np.pi, count)
+
+
+@pytest.mark.parametrize("kind", ["noise", "fine", "coarse", "stretched", "blocks"])
+@pytest.mark.parametrize("name", ROVERS)
+def test_search_finds_the_least_gap_or_says_that_it_cannot_tell(name: str, kind: str) -> None:
+    """Against the search of one wheel, itself held against the oracle, for wheels in any attitude up to some 25 deg."""
+    rover = ROVERS[name]
+    terrain = ground(kind, float(rover.wheel_radius.min()))
+    packed, car = terrain.packed, rover.packed
+    if bilinear_settle.too_fine(packed.meta, car):
+        pytest.skip("lanes stand aside")
+    x, y, yaw = spots(terrain, rover, 48)
+    rng = np.random.default_rng(1)
+    q = rng.normal(size=(48, 6)) * 0.15
+    q[:, 0] = np.nan_to_num(terrain.height(x, y)) - packed.meta[META_Z] + rover.wheel_radius.max()
+    buffer, S = np.zeros(WORK_SIZE), np.zeros(bilinear_settle.ROUGH_ROWS)
+    work = lay_out(buffer)
+    linkage.stand_feet(car, np.zeros(6), work.feet)
+    sure = apart = 0
+    for first in range(0, 48, lanes.LANES):
+        for lane in range(lanes.LANES):
+            k = first + lane
+            S[lanes.X + lane], S[lanes.Y + lane], S[lanes.CY + lane] = (
+                x[k] - packed.meta[META_X],
+                y[k] - packed.meta[META_Y],
+                yaw[k],
+            )
+            for n in range(6):
+                S[lanes.Q + n * lanes.LANES + lane] = q[k, n]
+            for i in range(6):
+                for n in range(5):
+                    S[lanes.FX + n * lanes.ALL + i * lanes.LANES + lane] = work.feet[i, n]
+        lanes.head(S)
+        rim_search.set_home(S, packed.meta)
+        lanes.place_body(S, car)
+        lanes.place_wheels(S, car)
+        bilinear_settle.search(S, packed.grid, packed.meta, car, True)
+        for lane in range(lanes.LANES):
+            k = first + lane
+            at = x[k] - packed.meta[META_X], y[k] - packed.meta[META_Y], math.cos(yaw[k]), math.sin(yaw[k])
+            linkage.stand(car, work.feet, *at, q[k], work.axes, work.knees, work.wheels)
+            for i in range(6):
+                code, _ = least_gap(packed, work.wheels[i], 0.0, 1.0, 0.0, True, -math.inf, work.best, work.none)
+                if code == FOUND and S[bilinear_settle.ASTRAY + i * lanes.LANES + lane] == 0.0:
+                    sure += 1
+                    apart += not abs(S[lanes.GAP + i * lanes.LANES + lane] - work.best[wheel.GAP]) < 1e-10
+    buffer[0] = 0.0
+    assert apart == 0
+    assert sure > 0.6 * 48 * 6
+
+
+@pytest.mark.parametrize("kind", ["noise", "coarse", "stretched", "blocks", "plane"])
+@pytest.mark.parametrize("name", ROVERS)
+def test_lanes_settle_by_the_oracle_and_as_one_pose_alone(name: str, kind: str) -> None:
+    rover = ROVERS[name]
+    terrain = ground(kind, float(rover.wheel_radius.min()))
+    x, y, yaw = spots(terrain, rover, 64)
+    given = terrain.packed, rover.packed, x, y, yaw, np.zeros((1, 6))
+    q, status = np.full((64, 6), np.nan), np.zeros(64, np.uint8)
+    batch.settle_linear(*given, q, status, np.arange(64), 0, 64)
+    done = status != batch.LEFT
+    if not bilinear_settle.too_fine(terrain.packed.meta, rover.packed):
+        assert done.mean() > (0.95 if kind == "plane" else 0.5)
+    alone, codes = np.full((64, 6), np.nan), np.zeros(64, np.uint8)
+    batch.settle_left(*given, alone, codes, np.arange(64), 0, 64)
+    if not done.any():
+        return
+    # six wheels down may have several solutions; nearly always both come to the same one
+    same = np.abs(q[done] - alone[done]).max(axis=1) < 1e-8
+    assert same.mean() > 0.9
+    assert np.array_equal(status[done][same], codes[done][same])
+    wheels = oracle.stand(rover, x[done], y[done], yaw[done], q[done])
+    assert np.abs(oracle.least_gap(oracle.Ground.of(terrain), wheels).gap).max() < 2e-10
+
+
+@pytest.mark.parametrize("name", ROVERS)
+@pytest.mark.parametrize("cell", [1.0, 4.0, 12.0])
+def test_nearly_level_wheels_along_the_grid(name: str, cell: float) -> None:
+    """Half a rim over one cell, its ends at the height of the axle: what bounds it there is nearly nothing over nothing."""
+    rover = ROVERS[name]
+    r = float(rover.wheel_radius.min())
+    for roughness in (1e-3, 1e-2, 0.1):
+        z = np.random.default_rng(2).normal(size=(150, 150)) * roughness * r
+        terrain = rb.Terrain.from_array(z, cell * r, interpolation="linear")
+        x, y, _ = spots(terrain, rover, 300)
+        pose = rb.settle(rover, terrain, x, y, np.random.default_rng(4).integers(-4, 5, 300) * np.pi / 2)
+        assert (pose.status == rb.Status.CONVERGED).all()
+        assert np.abs(pose.gap).max() < 1e-9
+
+
+@pytest.mark.parametrize("name", ROVERS)
+def test_a_hole_under_a_wheel_is_never_settled_over(name: str) -> None:
+    """What lanes settle has six gaps by the search of one wheel, which says where it meets a hole."""
+    rover = ROVERS[name]
+    r = float(rover.wheel_radius.min())
+    for cell in (0.5, 1.0):
+        rng = np.random.default_rng(6)
+        z = rng.normal(size=(200, 200)) * 0.1 * r
+        z[rng.uniform(size=z.shape) < 0.01] = np.nan
+        terrain = rb.Terrain.from_array(z, cell * r, interpolation="linear")
+        x, y, yaw = spots(terrain, rover, 3000)
+        pose = rb.settle(rover, terrain, x, y, yaw)
+        known = pose.status != rb.Status.NO_DATA
+        assert 0.02 < known.mean() < 0.98
+        assert np.isfinite(pose.gap[known & np.isfinite(pose.z)]).all()
+
+
+@pytest.mark.parametrize("name", ROVERS)
+def test_a_pose_on_rough_ground_does_not_know_its_neighbours(name: str) -> None:
+    """Alone, in any order, in any company, on a map with holes: the same bits."""
+    rover = ROVERS[name]
+    whole = ground("blocks", float(rover.wheel_radius.min()))
+    z = whole.z.copy()
+    z[np.random.default_rng(5).uniform(size=z.shape) < 0.001] = np.nan
+    terrain = rb.Terrain.from_array(z, whole.spacing, interpolation="linear")
+    x, y, yaw = spots(terrain, rover, 150)
+    x[::11] -= terrain.bounds[2] / 2  # some off the map
+    steering = np.where(rover.steers, np.random.default_rng(6).uniform(-0.5, 0.5, (150, 6)), 0.0)
+    together = rb.settle(rover, terrain, x, y, yaw, steering=steering)
+    assert {rb.Status.CONVERGED, rb.Status.OFF_MAP} <= set(together.status)
+    order = np.random.default_rng(8).permutation(150)
+    apart = rb.settle(rover, terrain, x[order], y[order], yaw[order], steering=steering[order])
+    assert np.array_equal(apart.q, together.q[order], equal_nan=True)
+    assert np.array_equal(apart.status, together.status[order])
+    for k in range(0, 150, 13):
+        alone = rb.settle(rover, terrain, x[k], y[k], yaw[k], steering=steering[k])
+        assert np.array_equal(alone.q, together.q[k], equal_nan=True)

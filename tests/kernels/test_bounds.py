@@ -1,0 +1,165 @@
+"""Bounds that the searches close cells with: each contains what dense sampling finds, and is no looser than it claims."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline
+
+import rockerbogie as rb
+from rockerbogie._kernels.model import ground, wheel
+from rockerbogie._kernels.search import bilinear_cell, cubic_cell
+
+Array = NDArray[np.float64]
+
+ORDERS = {"XX": (2, 0), "XY": (1, 1), "YY": (0, 2), "XXX": (3, 0), "XXY": (2, 1), "XYY": (1, 2), "YYY": (0, 3)}
+
+
+def derivative(c: Array, order: int, t: Array, step: float) -> Array:
+    """Return a derivative along the last axis of the cubic B-spline pieces with coefficients c (..., 4), at t in 0..1."""
+    piece = BSpline(np.arange(-3.0, 5.0), np.moveaxis(c, -1, 0), 3)
+    return np.moveaxis(piece.derivative(order)(t) if order else piece(t), 0, -1) / step**order
+
+
+def sampled(c: Array, order: tuple[int, int], dx: float, dy: float) -> Array:
+    """Return a mixed derivative of one cell's bicubic (4, 4) on a grid of 21 x 21 points, both ends included."""
+    t = np.linspace(0.0, 1.0, 21)
+    t[-1] = 1.0 - 1e-12  # BSpline takes the piece to the right of a knot
+    along_x = derivative(c, order[0], t, dx)
+    return derivative(np.moveaxis(along_x, 0, -1), order[1], t, dy)
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("seed", range(20))
+def test_cell_derivative_bounds_contain_the_derivatives(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    dx, dy = rng.uniform(0.1, 2.0, 2)
+    noise = rng.choice([0.01, 1.0])  # little of it: all rows, and all columns, are alike
+    c = noise * rng.normal(size=(4, 4)) + rng.normal(size=(4, 1)) + rng.normal(size=(1, 4))
+    bends = np.empty(cubic_cell.BENDS_SIZE)
+    assert cubic_cell.cell_bends(c, 0, 0, dx, dy, bends)
+    for name, order in ORDERS.items():
+        values = sampled(c, order, dx, dy)
+        at = getattr(cubic_cell, name)
+        slack = 1e-9 * (1.0 + abs(values).max())
+        if sum(order) == 2:
+            assert bends[at] <= values.min() + slack, name
+            assert bends[at + 1] >= values.max() - slack, name
+        else:
+            assert bends[at] >= abs(values).max() - slack, name
+
+
+@pytest.mark.nojit
+def test_third_derivative_bound_of_a_plane_and_of_a_cubic() -> None:
+    """A plane has no third derivative, whatever its slope; x³ / 6 has 1."""
+    bends = np.empty(cubic_cell.BENDS_SIZE)
+    row, col = np.mgrid[:4, :4].astype(float)
+    assert cubic_cell.cell_bends(3.0 * col - 2.0 * row + 5.0, 0, 0, 0.5, 0.25, bends)
+    np.testing.assert_allclose(bends, 0.0, atol=1e-12)
+    # the cubic x³ / 6 sampled at k - 1 has B-spline coefficients (t³ - t) / 6
+    t = col - 1.0
+    assert cubic_cell.cell_bends((t**3 - t) / 6.0, 0, 0, 1.0, 1.0, bends)
+    np.testing.assert_allclose(bends[cubic_cell.XXX], 1.0, atol=1e-12)
+    assert cubic_cell.cell_bends(((t**3 - t) / 6.0).T.copy(), 0, 0, 1.0, 1.0, bends)
+    np.testing.assert_allclose(bends[cubic_cell.YYY], 1.0, atol=1e-12)
+
+
+def some_wheel(rng: np.random.Generator) -> tuple[Array, float, float]:
+    """Return a leaning wheel over the first cell's middle: its array, radius and half width."""
+    lean, heading = rng.uniform(-1.2, 1.2), rng.uniform(-math.pi, math.pi)
+    radius, half = rng.uniform(0.1, 1.0), rng.choice([0.0, rng.uniform(0.01, 0.6)])
+    w = np.empty(wheel.WHEEL_SIZE)
+    a = (math.cos(lean) * math.cos(heading), math.cos(lean) * math.sin(heading), math.sin(lean))
+    x, y, z = rng.uniform(-1, 1, 3)
+    assert wheel.make_wheel(w, x, y, z, *a, 0.0, 0.0, 1.0, radius, half)
+    return w, radius, half
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("seed", range(20))
+def test_curvature_bound_along_a_rim(seed: int) -> None:
+    """f'' of the height of a rim over a spline's cell is nowhere below its bound, on arcs of the lower and of the upper half."""
+    rng = np.random.default_rng(seed)
+    c = rng.normal(size=(4, 4)) * 0.3
+    meta = np.zeros(ground.META_SIZE)
+    meta[[ground.META_DX, ground.META_DY, ground.META_NX, ground.META_NY, ground.META_CUBIC]] = 4.0, 4.0, 2, 2, 1.0
+    w, _, half = some_wheel(rng)
+    w[wheel.HX] += 2.0  # all of the tread lies over the one cell
+    w[wheel.HY] += 2.0
+    bends = np.empty(cubic_cell.BENDS_SIZE)
+    assert cubic_cell.cell_bends(c, 0, 0, 4.0, 4.0, bends)
+    for low in (rng.uniform(-1.5, 0.5), rng.uniform(1.6, 3.0)):
+        high = low + rng.choice([0.01, 0.3, 1.0, 1.6])
+        _, _, _, gx, gy = cubic_cell._along(c, meta, w, low, half)
+        bound = cubic_cell._least_bend(w, bends, gx, gy, low, high)
+        values = [cubic_cell._along(c, meta, w, t, half)[2] for t in np.linspace(low, high, 101)]
+        assert bound <= min(values) + 1e-12
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("seed", range(20))
+def test_minimum_of_a_wave(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    even, odd = rng.normal(size=2)
+    low = rng.uniform(-7, 7)
+    high = low + rng.uniform(0, 7)
+    t = np.linspace(low, high, 20001)
+    least = bilinear_cell._least_of_wave(even, odd, low, high)
+    assert least == pytest.approx((even * np.cos(t) + odd * np.sin(t)).min(), abs=1e-6)
+    assert least <= (even * np.cos(t) + odd * np.sin(t)).min() + 1e-12
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("seed", range(60))
+def test_a_rectangle_under_a_tread(seed: int) -> None:
+    """`covers` against points of the tread, those within 2 mm of the rectangle's sides left out."""
+    rng = np.random.default_rng(seed)
+    w, radius, half = some_wheel(rng)
+    x0, y0 = rng.uniform(-1.2, 0.8, 2)
+    x1, y1 = x0 + rng.uniform(0.02, 0.8), y0 + rng.uniform(0.02, 0.8)
+    phi, s = np.meshgrid(np.linspace(-math.pi, math.pi, 2001), np.linspace(-half, half, 201))
+    u, q = radius * np.sin(phi), radius * np.cos(phi)
+    x = s * w[wheel.AX] + u * w[wheel.EX] - q * w[wheel.UX]
+    y = s * w[wheel.AY] + u * w[wheel.EY] - q * w[wheel.UY]
+    within = np.minimum(np.minimum(x - x0, x1 - x), np.minimum(y - y0, y1 - y)).max()
+    if abs(within) > 0.004:
+        assert wheel.covers(w, x0, x1, y0, y1) == (within > 0.0)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_roof_lies_over_the_spline(seed: int) -> None:
+    """No point of a spline rises over the bilinear surface of the nodes that bound it."""
+    rng = np.random.default_rng(seed)
+    terrain = rb.Terrain.from_array(rng.normal(size=(12, 9)), (0.5, 0.7))
+    roof = rb.Terrain.from_array(terrain.roof, (0.5, 0.7), interpolation="linear")
+    x, y = rng.uniform(0, 4, 20000), rng.uniform(0, 7.7, 20000)
+    assert (terrain.height(x, y) - terrain.meta[ground.META_Z] - roof.height(x, y)).max() <= 1e-12
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_minimum_on_the_border_of_two_parts(seed: int) -> None:
+    """Hills that are symmetric about a cell's middle, where quarters of the cell meet: the slope there has no sure sign."""
+    rng = np.random.default_rng(seed)
+    rover = rb.load_rover("curiosity")
+    n, dx = 44, 0.2
+    cell = 20  # the middle of cell (20, 20) is the middle of the hill
+    at = np.arange(n) - (cell + 0.5)
+    width = rng.uniform(0.35, 1.2)
+    bump = np.exp(-0.5 * (at[:, None] ** 2 + at[None, :] ** 2) / width**2) * rng.uniform(0.02, 0.2)
+    terrain = rb.Terrain.from_array(bump, dx, (-(cell + 0.5) * dx, -(cell + 0.5) * dx))
+    middle = rover.body_box.mean(axis=0)
+    x, y, z = -middle[0] + rng.uniform(-0.1, 0.1), -middle[1] + rng.uniform(-0.1, 0.1), 1.0 - rover.body_box[0, 2]
+    q = np.array([z, 0.0, 0.0, 0.0, 0.0, 0.0])
+    level = rb.Pose(rover, terrain, np.array(x), np.array(y), np.array(0.0), np.zeros(6), q, np.array(0, np.uint8))
+    highest = max(float(terrain.height(0.0, 0.0)), 0.0)
+    assert level.clearance == pytest.approx(1.0 - highest, abs=2e-9)
+    # and a wide wheel over the hill, found by settling
+    hub = rover.hubs[2]
+    pose = rb.settle(rover, terrain, -hub[0], -hub[1], 0.0)
+    check = rb.verify(pose)
+    assert pose.status == rb.Status.CONVERGED
+    assert check.passes(1e-6)
+    assert ((check.gap_low - 1e-8 <= pose.gap) & (pose.gap <= check.gap_high + 1e-8)).all()

@@ -1,0 +1,132 @@
+"""Poses settled in lanes: the same whoever their neighbours are, and their proof never says more than is so."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import rockerbogie as rb
+from rockerbogie._kernels.model import wheel
+from rockerbogie._kernels.search import verify_minimum
+from rockerbogie._kernels.search.workspace import WORK_SIZE, lay_out
+from support import oracle
+from support.helpers import paper_rover, random_rover
+
+
+def smooth_ground(seed: int, steep: float, shortest: float, cell: float = 0.25, size: float = 12.0) -> rb.Terrain:
+    """Waves of random lengths from `shortest` on, m, with slopes of about `steep`."""
+    rng = np.random.default_rng(seed)
+    x = np.arange(0, size, cell)
+    X, Y = np.meshgrid(x, x)
+    z = np.zeros_like(X)
+    for _ in range(12):
+        k = rng.normal(size=2)
+        k *= 2 * np.pi / (np.linalg.norm(k) * rng.uniform(shortest, 4 * shortest))
+        z += steep / (4 * np.linalg.norm(k)) * np.sin(k[0] * X + k[1] * Y + rng.uniform(0, 7))
+    return rb.Terrain.from_array(z, cell)
+
+
+ROVERS = {
+    "paper's disc": paper_rover(),
+    "curiosity": rb.load_rover("curiosity"),
+    "odd": random_rover(np.random.default_rng(4)),
+    "wide": paper_rover().replace(wheel_width=np.full(6, 0.15)),
+}
+
+
+@pytest.mark.parametrize("name", ROVERS)
+def test_a_pose_does_not_know_its_neighbours(name: str) -> None:
+    """Alone, in any order, in any company: the same bits."""
+    rover, terrain = ROVERS[name], smooth_ground(1, 0.4, 1.5)
+    rng = np.random.default_rng(2)
+    x, y, yaw = rng.uniform(2, 10, 100), rng.uniform(2, 10, 100), rng.uniform(-9, 9, 100)
+    x[::7] = rng.uniform(-1, 2, len(x[::7]))  # some near the rim of the map and off it
+    steering = np.where(rover.steers, rng.uniform(-0.5, 0.5, (100, 6)), 0.0)
+    together = rb.settle(rover, terrain, x, y, yaw, steering=steering)
+    assert {rb.Status.CONVERGED, rb.Status.OFF_MAP} <= set(together.status)
+    order = rng.permutation(100)
+    apart = rb.settle(rover, terrain, x[order], y[order], yaw[order], steering=steering[order])
+    assert np.array_equal(apart.q, together.q[order], equal_nan=True)
+    assert np.array_equal(apart.status, together.status[order])
+    for k in range(0, 100, 9):
+        alone = rb.settle(rover, terrain, x[k], y[k], yaw[k], steering=steering[k])
+        assert np.array_equal(alone.q, together.q[k], equal_nan=True)
+
+
+@pytest.mark.parametrize("name", ["curiosity", "elhami-dashti"])
+def test_what_newton_leaves_of_a_gap_is_below_a_nanometre(name: str) -> None:
+    """Where rims touch in one place only, no gap is looked at again after the last step."""
+    rover = rb.load_rover(name).replace(wheel_width=np.zeros(6))
+    radius = float(rover.wheel_radius.max())
+    terrain = rb.surfaces.rough(1, max_slope=np.radians(28), min_radius=6 * radius, size=8 * rover.wheelbase)
+    x0, y0, x1, y1 = terrain.bounds
+    rng = np.random.default_rng(1)
+    pose = rb.settle(rover, terrain, rng.uniform(x0, x1, 20000), rng.uniform(y0, y1, 20000), rng.uniform(-7, 7, 20000))
+    settled = pose.status == rb.Status.CONVERGED
+    assert settled.mean() > 0.6
+    assert np.abs(pose.gap[settled]).max() < 1e-9
+
+
+def test_a_heading_turned_round_many_times_is_the_same_heading() -> None:
+    rover, terrain = ROVERS["curiosity"], smooth_ground(1, 0.4, 1.5)
+    yaw = np.array([0.7, 1e4, 1e9, -1e15, 1e300])
+    far = rb.settle(rover, terrain, 6.0, 6.0, yaw)
+    near = rb.settle(rover, terrain, 6.0, 6.0, np.arctan2(np.sin(yaw), np.cos(yaw)))
+    assert (far.status == rb.Status.CONVERGED).all()
+    assert np.abs(far.q - near.q).max() < 1e-9
+    assert np.abs(far.gap).max() < 1e-9
+
+
+@pytest.mark.parametrize("name", ROVERS)
+@pytest.mark.parametrize(("steep", "shortest"), [(0.3, 3.0), (0.5, 0.8), (1.0, 0.6)])
+def test_settled_on_waves_by_the_oracle(name: str, steep: float, shortest: float) -> None:
+    """Long waves, and waves short enough that wheels bridge them: no tread point in the ground, every wheel on it."""
+    rover, terrain = ROVERS[name], smooth_ground(3, steep, shortest)
+    rng = np.random.default_rng(5)
+    x, y, yaw = rng.uniform(2.5, 9.5, (3, 40))
+    pose = rb.settle(rover, terrain, x, y, yaw)
+    good = pose.status == rb.Status.CONVERGED
+    assert good.mean() > 0.9
+    wheels = oracle.stand(rover, x[good], y[good], yaw[good], pose.q[good])
+    least = oracle.least_gap(oracle.Ground.of(terrain), wheels)
+    assert np.abs(least.gap).max() < 1e-9
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_least_is_said_only_where_it_is_so(seed: int) -> None:
+    """A rim's least place on each end of the width and in its middle, on ground of many sizes: where the proof calls it the
+    tread's least, the oracle finds none lower; and it is not always in doubt."""
+    rng = np.random.default_rng(seed)
+    said = 0
+    for _ in range(25):
+        terrain = smooth_ground(
+            int(rng.integers(1 << 30)), rng.uniform(0.1, 0.8), rng.uniform(0.7, 4.0), rng.choice([0.3, 1.0]), 9.0
+        )
+        radius, half = rng.uniform(0.1, 0.4), rng.uniform(0.0, 0.3)
+        lean, ahead = rng.uniform(-0.3, 0.3), rng.uniform(-np.pi, np.pi)
+        axle = np.array([-math.sin(ahead) * math.cos(lean), math.cos(ahead) * math.cos(lean), math.sin(lean)])
+        hub = np.array([*rng.uniform(3, 6, 2), 0.0])
+        hub[2] = terrain.height(*hub[:2]) + radius
+        w = np.zeros(wheel.WHEEL_SIZE)
+        assert wheel.make_wheel(w, *hub[:2], hub[2] - terrain.meta[2], *axle, 0.0, 0.0, 1.0, radius, half)
+        upright = np.cross([math.cos(ahead), math.sin(ahead), 0.0], axle)
+        phi = np.linspace(-1.4, 1.4, 20001)
+        for place in (-half, 0.0, half):
+            level = np.array([math.cos(ahead), math.sin(ahead), 0.0])
+            points = hub + place * axle + radius * (np.sin(phi)[:, None] * level - np.cos(phi)[:, None] * upright)
+            gap = points[:, 2] - terrain.height(points[:, 0], points[:, 1])
+            at, low = phi[gap.argmin()], gap.min()
+            w[wheel.HZ] = hub[2] - terrain.meta[2] - low  # let down till this place touches
+            work = lay_out(np.zeros(WORK_SIZE))
+            verdict = verify_minimum.is_least(terrain.packed, w, math.sin(at), math.cos(at), place, work.best, work.none)
+            if verdict != verify_minimum.LEAST:
+                continue
+            said += 1
+            down = hub - [0, 0, low]
+            frame = (np.array([v]) for v in (down, level, axle, upright))
+            one = oracle.Wheels(*frame, np.array([radius]), np.array([half]))
+            least = oracle.least_gap(oracle.Ground.of(terrain), one, tolerance=1e-9)
+            assert least.gap.min() > -2e-8  # 20,001 places are as near as r (1e-4)^2 / 8 to the least
+    assert said > 20

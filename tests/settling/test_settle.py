@@ -1,0 +1,255 @@
+"""Six wheels on the ground: against brute force, under shifts, scales, mirrors and tilts, in any batch."""
+
+from __future__ import annotations
+
+import io
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rockerbogie as rb
+from prove_settle import TOLERANCE, TOUCHING, draw, grounds, prove
+from rockerbogie.rover.frames import body_transform
+from support import oracle
+from support.helpers import assert_close, paper_rover
+from support.strategies import BATCH_SHAPES
+
+SEED = 2024
+
+
+def wide(rover: rb.Rover, width: float) -> rb.Rover:
+    return rover.replace(wheel_width=np.full(6, width))
+
+
+def places(count: int, reach: float, seed: int = SEED) -> tuple[np.ndarray, ...]:
+    rng = np.random.default_rng(seed)
+    return (*rng.uniform(-reach, reach, (2, count)), rng.uniform(-np.pi, np.pi, count))
+
+
+def turned(rover: rb.Rover, count: int, most: float = 0.7, seed: int = SEED) -> np.ndarray:
+    """Steering (count, 6) of the wheels that steer."""
+    return np.random.default_rng(seed).uniform(-most, most, (count, 6)) * rover.steers
+
+
+@pytest.mark.parametrize("bends", [2.0, 12.0], ids=lambda n: f"bends of {n:.0f} wheel radii")
+@pytest.mark.parametrize(
+    "name, width, count",
+    [("elhami-dashti", 0.0, 300), ("elhami-dashti", 0.08, 90), ("perseverance", None, 60), ("rocky7", 0.0, 50)],
+)
+def test_smooth_ground_as_brute_force_settles_it(name: str, width: float | None, count: int, bends: float) -> None:
+    rover = rb.load_rover(name)
+    rover = rover if width is None else wide(rover, width)
+    radius = float(rover.wheel_radius[0])
+    terrain = rb.surfaces.rough(
+        SEED, max_slope=np.radians(25), min_radius=bends * radius, size=80 * radius, spacing=0.1 * bends * radius
+    )
+    x, y, yaw = places(count, 25 * radius)
+    steering = turned(rover, count)
+    pose = rb.settle(rover, terrain, x, y, yaw, steering=steering)
+    brute = oracle.settle(rover, oracle.Ground.of(terrain), x, y, yaw, steering)
+    assert set(np.unique(pose.status)) <= set(TOUCHING)
+    assert np.isfinite(brute).all(), "the brute force itself did not arrive"
+    assert_close(pose.q, brute, 1e-8, "m, rad", f"{name} on ground that slopes to 25 deg and bends to {bends:g} wheel radii")
+    if bends > 2:
+        assert abs(pose.roll).max() > 0.2, "waves longer than the rover lean it both ways"
+        assert abs(pose.pitch).max() > 0.2
+
+
+def test_shifted_ground_shifts_the_pose() -> None:
+    rover, shift = wide(paper_rover(), 0.08), np.array([1250.0, -48.0, -4450.0])
+    z = rb.surfaces.rough(3).z
+    x, y, yaw = places(200, 2.0)
+    here = rb.settle(rover, rb.Terrain.from_array(z, 0.02, (-3, -3)), x, y, yaw)
+    there = rb.settle(
+        rover, rb.Terrain.from_array(z + shift[2], 0.02, (-3 + shift[0], -3 + shift[1])), x + shift[0], y + shift[1], yaw
+    )
+    assert_close(there.z - shift[2], here.z, 1e-9, "m", "the ground moved, and the rover with it")
+    assert_close(there.q[:, 1:], here.q[:, 1:], 1e-9, "rad", "no angle changes by a shift")
+
+
+def test_scaled_world_scales_the_pose() -> None:
+    small, scale = paper_rover(), 7.0
+    lengths = ("rocker_pivot", "bogie_pivot", "hubs", "wheel_radius", "wheel_width", "steering_offset", "body_box")
+    large = small.replace(**{name: scale * getattr(small, name) for name in lengths})
+    ground = rb.surfaces.rough(4)
+    grown = rb.Terrain.from_array(scale * ground.z, scale * 0.02, (-3 * scale, -3 * scale))
+    x, y, yaw = places(200, 2.0)
+    one, other = rb.settle(small, ground, x, y, yaw), rb.settle(large, grown, scale * x, scale * y, yaw)
+    assert_close(other.z / scale, one.z, 1e-9, "m", "lengths scale")
+    assert_close(other.q[:, 1:], one.q[:, 1:], 1e-9, "rad", "angles do not")
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+def test_mirrored_ground_mirrors_the_pose(interpolation: str) -> None:
+    rover = wide(rb.load_rover("elhami-dashti"), 0.06)
+    ground = rb.surfaces.rough(5)
+    left = rb.Terrain.from_array(ground.z, 0.02, (-3, -3), interpolation)
+    right = rb.Terrain.from_array(ground.z[::-1], 0.02, (-3, -3), interpolation)
+    x, y, yaw = places(200, 2.0)
+    steering = turned(rover, 200)
+    one = rb.settle(rover, left, x, y, yaw, steering=steering)
+    other = rb.settle(rover, right, x, -y, -yaw, steering=-steering[:, [1, 0, 3, 2, 5, 4]])
+    assert_close(other.q[:, [0, 2]], one.q[:, [0, 2]], 1e-8, "m, rad", "height and pitch are the same in a mirror")
+    assert_close(other.q[:, [1, 3]], -one.q[:, [1, 3]], 1e-8, "rad", "roll and the differential turn about")
+    assert_close(other.bogie, one.bogie[:, ::-1], 1e-8, "rad", "the bogies change sides")
+
+
+@pytest.mark.parametrize("width", [0.0, 0.1])
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+def test_tilted_plane_tilts_the_pose_with_it(interpolation: str, width: float) -> None:
+    rover = wide(paper_rover(), width)
+    level = rb.settle(rover, rb.surfaces.plane(interpolation=interpolation), 0.0, 0.0)
+    up = level.T_world_body[2, :3]
+    for slope, aspect in ((0.3, 0.0), (0.3, 1.9), (0.5, -2.5), (0.01, 1.0)):
+        plane = rb.surfaces.plane(slope, aspect, interpolation=interpolation)
+        pose = rb.settle(rover, plane, 0.2, -0.1, [0.0, 0.7, 2.0, -2.5])
+        assert (pose.status == rb.Status.CONVERGED).all()
+        assert_close(pose.q[:, 3:], level.q[3:], 1e-9, "rad", "on a plane the linkage stands as on the level")
+        normal = plane.normal(0.0, 0.0)
+        seen = np.einsum("...ji,j->...i", pose.T_world_body[:, :3, :3], normal)
+        assert_close(seen, np.broadcast_to(up, seen.shape), 1e-9, "", "the plane's normal lies in the body as the vertical did")
+
+
+def test_level_ground_gives_the_paper_s_pose() -> None:
+    pose = rb.settle(paper_rover(), rb.surfaces.plane(), 0.0, 0.0)
+    assert_close(pose.pitch, -0.000562, 5e-7, "rad", "rear and middle axles differ by 0.3 mm in Table I")
+    assert_close(pose.bogie, 0.000562, 5e-7, "rad", "and the bogies make up for it")
+    assert_close([pose.roll, pose.rocker], 0.0, 1e-12, "rad", "nothing leans sideways")
+
+
+@pytest.mark.parametrize("shape", BATCH_SHAPES)
+@pytest.mark.parametrize("mode", ["contact", "equilibrium"])
+def test_batch_axes_lead(shape: tuple[int, ...], mode: str) -> None:
+    rover, terrain = rb.load_rover("rocky7"), rb.surfaces.rough(1, min_radius=0.3)
+    rng = np.random.default_rng(1)
+    pose = rb.settle(rover, terrain, *rng.uniform(-1, 1, (3, *shape)), mode=mode)
+    for name in ("x", "y", "z", "roll", "pitch", "yaw", "rocker", "status", "tilt", "clearance"):
+        assert getattr(pose, name).shape == shape, name
+    for name in ("q", "steering", "gap", "contact_angle", "contact_count", "wheel_lifted"):
+        assert getattr(pose, name).shape == (*shape, 6), name
+    for name, tail in (("bogie", (2,)), ("joint_stop", (3,)), ("contact_point", (6, 3)), ("contact_normal", (6, 3))):
+        assert getattr(pose, name).shape == (*shape, *tail), name
+    assert pose.T_world_body.shape == (*shape, 4, 4)
+    assert pose.status.dtype == np.uint8
+    if mode == "equilibrium":
+        assert pose.support.shape == (*shape, 6)
+        assert pose.belly_support.shape == shape
+
+
+def test_places_and_steering_broadcast() -> None:
+    rover, terrain = paper_rover(), rb.surfaces.rough(2)
+    x, y, yaw = np.linspace(-1, 1, 4)[:, None], np.linspace(-1, 1, 3), 0.3
+    steering = turned(rover, 2)[:, None, None]
+    pose = rb.settle(rover, terrain, x, y, yaw, steering=steering)
+    assert pose.shape == (2, 4, 3)
+    for k, i, j in np.ndindex(2, 4, 3):
+        alone = rb.settle(rover, terrain, x[i, 0], y[j], yaw, steering=steering[k, 0, 0])
+        assert np.array_equal(alone.q, pose.q[k, i, j])
+    assert rb.settle(rover, terrain, np.zeros((0, 5)), 0.0).shape == (0, 5)
+
+
+def rough_places(count: int) -> tuple[rb.Rover, rb.Terrain, np.ndarray, np.ndarray]:
+    """A wide-wheeled rover anywhere on rocks, over the map's rim and over a hole in it too, steering anyhow."""
+    rover = wide(rb.load_rover("elhami-dashti"), 0.08)
+    field = rb.surfaces.rocks(0.2, 3, size=8.0, spacing=0.04)
+    z = field.z.copy()
+    z[40:44, 120:126] = np.nan
+    rng = np.random.default_rng(5)
+    spots = rng.uniform(-4, 4, (2, count)), rng.uniform(-np.pi, np.pi, (1, count))
+    return rover, rb.Terrain.from_array(z, 0.04, field.origin, "linear"), np.concatenate(spots), turned(rover, count)
+
+
+def test_a_pose_depends_on_nothing_but_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    count = 6000
+    rover, terrain, spots, steering = rough_places(count)
+    whole = rb.settle(rover, terrain, *spots, steering=steering)
+    assert set(np.unique(whole.status)) >= {rb.Status.CONVERGED, rb.Status.OFF_MAP, rb.Status.NO_DATA}
+    order = np.random.default_rng(0).permutation(count)
+    other = rb.settle(rover, terrain, *spots[:, order], steering=steering[order])
+    assert np.array_equal(other.q, whole.q[order], equal_nan=True)
+    assert np.array_equal(other.status, whole.status[order])
+    monkeypatch.setattr(sys.modules["rockerbogie.settling.settle"], "CHUNK", 700)
+    assert np.array_equal(rb.settle(rover, terrain, *spots, steering=steering).q, whole.q, equal_nan=True)
+    for k in order[:50]:
+        alone = rb.settle(rover, terrain, *spots[:, k], steering=steering[k])
+        assert np.array_equal(alone.q, whole.q[k], equal_nan=True)
+
+
+def settle_elsewhere(count: int, mode: str, **environment: str) -> tuple[np.ndarray, np.ndarray]:
+    """q and status of `rough_places(count)`, worked out by another Python."""
+    script = (
+        "import sys, numpy as np, rockerbogie as rb\n"
+        "from test_settle import rough_places\n"
+        f"rover, terrain, spots, steering = rough_places({count})\n"
+        f"pose = rb.settle(rover, terrain, *spots, steering=steering, mode={mode!r})\n"
+        "np.save(sys.stdout.buffer, np.concatenate([pose.q, pose.status[:, None]], axis=1))\n"
+    )
+    folders = map(str, Path(__file__).parents[:2])
+    path = os.pathsep.join([*folders, *filter(None, [os.environ.get("PYTHONPATH")])])
+    done = subprocess.run(
+        [sys.executable, "-c", script], env={**os.environ, "PYTHONPATH": path, **environment}, capture_output=True, check=True
+    )
+    table = np.load(io.BytesIO(done.stdout))
+    return table[:, :6], table[:, 6]
+
+
+def test_any_number_of_threads_gives_the_same() -> None:
+    (one, _), (two, _) = (settle_elsewhere(3000, "contact", NUMBA_NUM_THREADS=n) for n in ("1", "2"))
+    assert np.isfinite(one).any()
+    assert np.array_equal(one, two, equal_nan=True)
+
+
+@pytest.mark.parametrize("mode", ["contact", "equilibrium"])
+def test_plain_python_gives_what_the_compiled_kernels_give(mode: str) -> None:
+    count = 4
+    rover, terrain, spots, steering = rough_places(count)
+    here = rb.settle(rover, terrain, *spots, steering=steering, mode=mode)
+    q, status = settle_elsewhere(count, mode, NUMBA_DISABLE_JIT="1")
+    assert np.isfinite(here.q[:, 0]).sum() >= 2
+    assert np.array_equal(status, here.status)
+    assert_close(q, here.q, 1e-9, "m, rad", "the same kernels, not compiled")
+
+
+def test_holes_and_the_map_s_rim_are_said_and_nan() -> None:
+    rover = wide(paper_rover(), 0.08)
+    z = np.zeros((201, 201))
+    z[100, 100] = np.nan  # at (0, 0)
+    terrain = rb.Terrain.from_array(z, 0.02, (-2, -2), "linear")
+    under_wheel = rb.settle(rover, terrain, -rover.hubs[2, 0], -rover.hubs[2, 1])
+    under_belly = rb.settle(rover, terrain, 0.0, 0.0)
+    over_rim = rb.settle(rover, terrain, [1.6, 0.0, 0.0, 5.0], [0.0, 1.8, -1.8, 0.0])
+    assert under_wheel.status == rb.Status.NO_DATA
+    assert under_belly.status == rb.Status.CONVERGED, "no tread lies over the hole"
+    assert over_rim.status.tolist() == [rb.Status.OFF_MAP] * 4
+    for pose in (under_wheel, over_rim):
+        assert np.isnan(pose.q).all()
+        assert np.isnan(pose.gap).all()
+        assert np.isnan(pose.contact_point).all()
+        assert (pose.contact_count == 0).all()
+
+
+@pytest.mark.parametrize("which", ["k=20%", "marsyard2021 linear", "marsyard2021 cubic"])
+def test_rocks_and_a_mars_yard_are_settled_and_proved(which: str) -> None:
+    """A part of what `prove_settle.py` proves."""
+    ground = grounds()
+    if which not in ground:
+        pytest.skip("the Mars yard's file is not here: set ROCKERBOGIE_DATA")
+    terrain = ground[which]()
+    for name in ("elhami-dashti", "perseverance", "rocky7"):
+        rover = rb.load_rover(name)
+        proof = prove(rb.settle(rover, terrain, *draw(terrain, rover, 200, 7)))
+        known = proof.status.sum() - proof.status[rb.Status.NO_DATA]
+        assert known > 150
+        assert len(proof.gap) >= 0.995 * known, f"{name}: {proof.status}"
+        assert proof.failed == 0, f"{name}: a gap of {proof.worst} m is called settled (limit {TOLERANCE} m)"
+
+
+def test_pose_transform_is_the_paper_s() -> None:
+    pose = rb.settle(paper_rover(), rb.surfaces.rough(6), [0.1, 0.5], 0.2, 0.4)
+    T = body_transform(pose.x, pose.y, pose.z, pose.roll, pose.pitch, pose.yaw)
+    assert_close(pose.T_world_body, T, 1e-15, "", "eq. 10")
+    assert_close(np.cos(pose.tilt), T[:, 2, 2], 1e-12, "", "tilt is the angle of the body's z to the vertical")

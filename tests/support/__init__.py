@@ -1,0 +1,1 @@
+"""Oracle, strategies and cases that several tests share."""

@@ -1,0 +1,234 @@
+"""Faults of settled poses, told from certified brackets of every gap and of the clearance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+import rockerbogie as rb
+from rockerbogie.terrain.spline import _bridged
+from support import oracle, sampled
+from support.sharp_grounds import Case
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: No tread point deeper than this in the ground, and each touching wheel within it, m.
+TOLERANCE = 1e-6
+#: `pose.gap` and `pose.clearance` agree with the brackets to this, m.
+AGREES = 1e-8
+FAULTS = ("deep", "far", "gap", "clearance", "belly", "lifted", "no data", "count")
+
+
+@dataclass
+class Bracket:
+    """Certified brackets: gap (n, 6), clearance (n,), tread over known ground (n, 6), bracket closed (n,)."""
+
+    gap_low: Array
+    gap_high: Array
+    clearance_low: Array
+    clearance_high: Array
+    known: Mask
+    complete: Mask  # or narrower than NARROW
+
+
+#: A bracket this narrow decides every fault but the last digits of `pose.gap`, m: its search may stop at its limit.
+NARROW = 1e-7
+SLACK = 1e-8  # width of the oracle's brackets, m
+
+
+def certify(pose: rb.Pose, truth: str = "") -> Bracket:
+    """Bracket gaps and clearance of poses (n,) by `truth`: "verify" (`rb.verify`) or "oracle"; by default verify if it exists."""
+    if truth == "oracle" or not hasattr(rb, "verify"):
+        return certify_by_oracle(pose)
+    v = rb.verify(pose)
+    width = np.fmax((v.gap_high - v.gap_low).max(axis=-1), v.clearance_high - v.clearance_low)
+    decided = v.complete | (width < NARROW)
+    return Bracket(v.gap_low, v.gap_high, v.clearance_low, v.clearance_high, v.known, decided)
+
+
+def certify_by_oracle(pose: rb.Pose) -> Bracket:
+    """Bracket gaps and clearance of poses (n,) with the oracle, on the map with its missing nodes bridged.
+
+    Known cells of that map are those of the pose's own. Values that depend on missing data or reach past the map are NaN:
+    those with a sampled point there.
+    """
+    n = pose.status.size
+    ground = oracle.Ground.of(filled(pose.terrain) if np.isnan(pose.terrain.z).any() else pose.terrain)
+    wheels = oracle.stand(pose.rover, pose.x, pose.y, pose.yaw, pose.q, pose.steering)
+    faces = oracle.box(pose.rover, pose.x, pose.y, pose.yaw, pose.q)
+    gap, box = least(ground, wheels).reshape(n, 6), least(ground, faces).reshape(n, 3)
+    complete = np.isfinite(gap).all(axis=1) & np.isfinite(box).all(axis=1)
+    known = tread_known(pose)
+    clearance = np.where(box_known(pose, faces), box.min(axis=1), np.nan)
+    high = np.where(known, gap, np.nan)
+    return Bracket(high - SLACK, high, clearance - SLACK, clearance, known, complete)
+
+
+def least(ground: oracle.Ground, wheels: oracle.Wheels) -> Array:
+    """Return the gap (m,) of treads or faces by the oracle; −inf where its brackets do not close."""
+    m, run = len(wheels.radius), 1200
+    out = np.full(m, -np.inf)
+    for start in range(0, m, run):
+        at = np.arange(start, min(start + run, m))
+        try:
+            out[at] = oracle.least_gap(ground, wheels.take(at), SLACK).gap
+        except AssertionError:
+            for k in at:
+                try:
+                    out[k] = oracle.least_gap(ground, wheels.take([k]), SLACK).gap[0]
+                except AssertionError:
+                    continue
+    return out
+
+
+def tread_known(pose: rb.Pose, grow: float = -1e-9) -> Mask:
+    """Return where no sampled point of a tread (n, 6), upper half included, lies over missing data or off the map.
+
+    Treads are made larger by `grow`, m, so that a tread that ends on the border of an unknown cell is decided.
+    """
+    n = pose.status.size
+    if np.isfinite(pose.terrain.z).all() and np.isfinite(pose.gap).all():
+        return np.ones((n, 6), dtype=bool)
+    w = oracle.stand(pose.rover, pose.x, pose.y, pose.yaw, pose.q, pose.steering)
+    w = replace(w, radius=w.radius + grow, half=np.maximum(w.half + grow, 0.0))
+    phi, side = np.meshgrid(np.linspace(-np.pi, np.pi, 361), np.linspace(-1, 1, 33), indexing="ij")
+    over = sampled.over(pose.terrain.height, w, np.broadcast_to(phi, (6 * n, *phi.shape)), side * w.half[:, None, None])
+    return np.isfinite(over).all(axis=(1, 2)).reshape(n, 6)
+
+
+def box_known(pose: rb.Pose, faces: oracle.Faces) -> Mask:
+    """Return where no sampled point of the box's lower faces (n,) lies over missing data or off the map.
+
+    If these points are known and those of faces 1e-6 m larger are not, `pose.clearance` may be NaN or not.
+    """
+    n = pose.status.size
+    told = np.isfinite(pose.clearance)
+    if np.isfinite(pose.terrain.z).all() and told.all():
+        return told
+    u, v = np.meshgrid(np.linspace(-1, 1, 201), np.linspace(-1, 1, 201))
+
+    def known(grow: float) -> Mask:
+        a, b = faces.reach[:, None, None] + grow, faces.half[:, None, None] + grow
+        return np.isfinite(sampled.over(pose.terrain.height, faces, a * u, b * v)).all(axis=(1, 2)).reshape(n, 3).all(axis=1)
+
+    inner, outer = known(-1e-9), known(1e-6)
+    return np.where(inner == outer, inner, told)
+
+
+def some(pose: rb.Pose, at: NDArray[np.int64] | Mask) -> rb.Pose:
+    """Return the poses `at` of a batch (n,)."""
+    report = None if pose.report is None else pose.report[at]
+    fields = {name: getattr(pose, name)[at] for name in ("x", "y", "yaw", "steering", "q", "status")}
+    return replace(pose, report=report, **fields)
+
+
+@dataclass
+class Verdict:
+    """By fault, how bad each pose (n,) is: 0 if right, in m where it is a length; and which poses were given (n,)."""
+
+    given: Mask
+    bad: dict[str, Array]
+    unproved: int  # brackets that did not close
+
+
+def judge(case: Case, mode: str, counted: int = 0, truth: str = "") -> tuple[rb.Pose, Verdict]:
+    """Settle a case in a mode and look for every fault; contacts are counted in the first `counted` poses given."""
+    pose = case.settle(mode)
+    given = np.isfinite(pose.z)
+    if mode == "contact":
+        given &= np.isin(pose.status, (rb.Status.CONVERGED, rb.Status.JOINT_STOP))
+    n = pose.status.size
+    bad = {name: np.zeros(n) for name in FAULTS}
+    unproved = 0
+    at = np.flatnonzero(given)
+    if at.size:
+        settled = some(pose, at)
+        bracket = certify(settled, truth)
+        unproved = int((~bracket.complete).sum())
+        for name, values in faults_of(settled, bracket).items():
+            bad[name][at] = values
+        if counted:
+            bad["count"][at[:counted]] = wrong_counts(some(settled, np.arange(min(counted, at.size))))
+    if np.isnan(case.terrain.z).any():
+        bad["no data"] = false_no_data(case, pose, mode, truth)
+    return pose, Verdict(given, bad, unproved)
+
+
+def faults_of(pose: rb.Pose, b: Bracket) -> dict[str, Array]:
+    """Return by fault how far each given pose (n,) is off, m, 0 where it is right.
+
+    A value counts as wrong only if the whole bracket lies beyond the tolerance.
+    """
+    resting = pose.report is not None
+    lifted = pose.wheel_lifted
+    out = {
+        "deep": beyond(np.where(np.isfinite(b.gap_high), -b.gap_high, 0.0), TOLERANCE).max(axis=1),
+        "far": np.where(lifted, 0.0, beyond(b.gap_low, TOLERANCE)).max(axis=1),
+        "gap": outside(pose.gap, b.gap_low, b.gap_high).max(axis=1),
+        "clearance": outside(pose.clearance, b.clearance_low, b.clearance_high),
+    }
+    # A tread over missing data has no gap: such a pose must not be given.
+    out["gap"] = np.where(b.known.all(axis=1), out["gap"], np.inf)
+    if resting:
+        on_belly = pose.status == rb.Status.BELLY_CONTACT
+        out["belly"] = beyond(-b.clearance_high, TOLERANCE) + np.where(on_belly, beyond(b.clearance_low, TOLERANCE), 0.0)
+        out["lifted"] = np.where(lifted, beyond(0.9 * TOLERANCE - b.gap_high, 0.0), 0.0).max(axis=1)
+    return out
+
+
+def beyond(value: Array, limit: float) -> Array:
+    """Return `value` where it exceeds the limit, else 0; NaN counts as 0."""
+    return np.where(value > limit, value, 0.0)
+
+
+def outside(value: Array, low: Array, high: Array) -> Array:
+    """Return the distance of `value` from [low, high] where it exceeds AGREES, else 0; inf where only one is NaN."""
+    with np.errstate(invalid="ignore"):
+        off = np.fmax(np.fmax(low - value, value - high), 0.0)
+    off = np.where(off > AGREES, off, 0.0)
+    off = np.where(np.isnan(value) & np.isnan(high), 0.0, off)
+    return np.where(np.isnan(value) != np.isnan(high), np.inf, off)
+
+
+def wrong_counts(pose: rb.Pose) -> Array:
+    """Return by how many contacts the worst wheel of each pose (n,) is off; ambiguous wheels are left out.
+
+    `sampled.contact_count` states the rule. If `pose.contact_count` is higher, denser sampling has to confirm it.
+    """
+    told, seen = pose.contact_count, sampled.contact_count(pose)
+    again = np.flatnonzero(((seen >= 0) & (told > seen)).any(axis=1))
+    if again.size:
+        seen[again] = sampled.contact_count(some(pose, again), per_cell=3 * sampled.PER_CELL)
+    return np.where(seen >= 0, abs(told - seen), 0).max(axis=1).astype(float)
+
+
+def filled(terrain: rb.Terrain) -> rb.Terrain:
+    """Return the terrain with its missing nodes bridged as the spline bridges them: known cells stay as they are."""
+    z = _bridged(terrain.z, np.isfinite(terrain.z))
+    return rb.Terrain.from_array(z, terrain.spacing, terrain.origin, terrain.interpolation, name=terrain.name)
+
+
+def false_no_data(case: Case, pose: rb.Pose, mode: str, truth: str = "") -> Array:
+    """Return 1 where a pose (n,) is NO_DATA although the pose of the filled map is good on this map, else 0.
+
+    Good: all six treads, and at rest the body's box, lie over known ground, and each wheel that touches has gap 0 here.
+    """
+    out = np.zeros(pose.status.size)
+    lost = np.flatnonzero(pose.status == rb.Status.NO_DATA)
+    if not lost.size:
+        return out
+    whole = some(case.settle(mode, filled(case.terrain)), lost)
+    good = np.isfinite(whole.z) & np.isin(whole.status, (rb.Status.CONVERGED, rb.Status.JOINT_STOP))
+    if not good.any():
+        return out
+    lost, there = lost[good], replace(some(whole, good), terrain=case.terrain)
+    b = certify(there, truth)
+    known = b.known & (b.gap_high <= TOLERANCE) & (b.gap_high >= -TOLERANCE)
+    fine = known.all(axis=1) & tread_known(there, 1e-6).all(axis=1)
+    if mode == "equilibrium":
+        fine &= np.isfinite(b.clearance_high)
+    out[lost[fine]] = 1.0
+    return out

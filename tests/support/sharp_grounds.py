@@ -1,0 +1,204 @@
+"""Grounds as sharp as their grid allows, rovers and places on them, drawn from seeds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+import rockerbogie as rb
+from support.helpers import random_rover
+
+Array = NDArray[np.float64]
+
+FAMILIES = ("coefficients", "nodes", "chequered", "ripples", "ridges", "steps", "plateaus", "noise")
+PRESETS = ("curiosity", "elhami-dashti", "osr", "perseverance", "rocky7", "sawppy")
+FINEST, COARSEST = 1 / 40, 4.0  # cell size in wheel diameters
+MOST_NODES = 320  # along one axis
+
+
+def spline_nodes(c: Array) -> Array:
+    """Return node heights (rows, cols) of the cubic spline with B-spline coefficients c (rows + 2, cols + 2).
+
+    The interpolating spline through these heights has about these coefficients, except near the edge of the map.
+    """
+    along = (c[:-2] + 4.0 * c[1:-1] + c[2:]) / 6.0
+    return np.asarray((along[:, :-2] + 4.0 * along[:, 1:-1] + along[:, 2:]) / 6.0)
+
+
+def coefficients(rng: np.random.Generator, rows: int, cols: int) -> Array:
+    """Return heights (rows, cols) whose spline has random coefficients: Gaussian, two values, sparse or stacked peaks."""
+    shape = (rows + 2, cols + 2)
+    which = rng.integers(4)
+    if which == 0:
+        c = rng.normal(size=shape) / 2
+    elif which == 1:
+        c = rng.choice([-1.0, 1.0], shape)
+    elif which == 2:
+        c = rng.choice([-1.0, 1.0], shape) * (rng.random(shape) < rng.uniform(0.02, 0.3))
+    else:
+        c = rng.standard_cauchy(shape).clip(-3, 3) / 3
+    return spline_nodes(np.asarray(c))
+
+
+def nodes(rng: np.random.Generator, rows: int, cols: int) -> Array:
+    """Return level heights (rows, cols) with single nodes raised or lowered."""
+    share = 10 ** rng.uniform(-2.0, -0.7)
+    sign = rng.choice([(1.0, 1.0), (-1.0, -1.0), (-1.0, 1.0)])
+    return np.asarray((rng.random((rows, cols)) < share) * rng.choice(sign, (rows, cols)) * rng.uniform(0.2, 1.0, (rows, cols)))
+
+
+def chequered(rng: np.random.Generator, rows: int, cols: int) -> Array:
+    """Return heights (rows, cols) that alternate from node to node along both axes or one, with or without noise."""
+    j, i = np.mgrid[:rows, :cols]
+    z = [(i + j) % 2, i % 2, j % 2, (i // 2 + j // 2) % 2][rng.integers(4)].astype(float)
+    return np.asarray(z + rng.choice([0.0, 1e-9, 0.01, 0.3]) * rng.random((rows, cols)))
+
+
+def ripples(rng: np.random.Generator, rows: int, cols: int) -> Array:
+    """Return heights (rows, cols) of one or two sine waves, 2.1 to 8 cells a wavelength, along the axes or not."""
+    j, i = np.mgrid[:rows, :cols].astype(float)
+    angles = [0.0, np.pi / 2] if rng.random() < 0.5 else rng.uniform(0, np.pi, rng.integers(1, 3))
+    z = np.zeros((rows, cols))
+    for angle in angles:
+        k = 2 * np.pi / np.exp(rng.uniform(np.log(2.1), np.log(8.0)))
+        z += np.sin(k * (i * np.cos(angle) + j * np.sin(angle)) + rng.uniform(0, 2 * np.pi))
+    return z / len(angles)
+
+
+def ridges(rng: np.random.Generator, rows: int, cols: int) -> Array:
+    """Return heights (rows, cols) of parallel ridges or ditches of about a cell's width at any angle."""
+    across = _across(rng, rows, cols)
+    period, width = rng.uniform(3.0, 15.0), rng.uniform(0.4, 2.0)
+    away = abs((across + rng.uniform(0, period)) % period - period / 2)
+    shape = np.exp(-((away / width) ** 2)) if rng.random() < 0.5 else np.maximum(1.0 - away / width, 0.0)
+    return np.asarray(rng.choice([-1.0, 1.0]) * shape)
+
+
+def steps(rng: np.random.Generator, rows: int, cols: int) -> Array:
+    """Return heights (rows, cols) of stairs or walls at any angle."""
+    across = _across(rng, rows, cols)
+    period = rng.uniform(2.0, 20.0)
+    if rng.random() < 0.5:
+        return np.floor(across / period + rng.random())
+    return np.floor(across / period + rng.random()) % 2
+
+
+def plateaus(rng: np.random.Generator, rows: int, cols: int) -> Array:
+    """Return heights (rows, cols) of level pieces with sharp edges of any outline."""
+    smooth = gaussian_filter(rng.normal(size=(rows, cols)), np.exp(rng.uniform(np.log(0.7), np.log(6.0))))
+    return np.round(rng.uniform(1.0, 4.0) * smooth / max(smooth.std(), 1e-300)) / 2
+
+
+def noise(rng: np.random.Generator, rows: int, cols: int) -> Array:
+    """Return heights (rows, cols) of white noise; `draw_terrain` scales it to 1e-10 to 1e-6 m."""
+    return rng.normal(size=(rows, cols))
+
+
+def _across(rng: np.random.Generator, rows: int, cols: int) -> Array:
+    """Return the distance (rows, cols), in nodes, from a straight line at any angle; along the grid in 1 case of 4."""
+    j, i = np.mgrid[:rows, :cols].astype(float)
+    angle = rng.choice([0.0, np.pi / 2]) if rng.random() < 0.25 else rng.uniform(0, np.pi)
+    return np.asarray(i * np.cos(angle) + j * np.sin(angle))
+
+
+@dataclass
+class Case:
+    """One terrain, one rover and places (n,) on it; `seed` and `family` reproduce it."""
+
+    seed: int
+    family: str
+    rover: rb.Rover
+    terrain: rb.Terrain
+    x: Array
+    y: Array
+    yaw: Array
+    steering: Array  # (n, 6)
+
+    def settle(self, mode: str = "contact", terrain: rb.Terrain | None = None) -> rb.Pose:
+        """Settle at every place, on this terrain or on another one of the same extent."""
+        return rb.settle(self.rover, terrain or self.terrain, self.x, self.y, self.yaw, steering=self.steering, mode=mode)
+
+
+def draw_rover(rng: np.random.Generator) -> rb.Rover:
+    """Return a preset or a rover nobody built: any size, thin or wide wheels, near or far joint limits."""
+    if rng.random() < 0.6:
+        return rb.load_rover(str(rng.choice(PRESETS)))
+    rover = random_rover(rng)
+    limits = [((-np.inf, np.inf), (-np.inf, np.inf)), ((-0.05, 0.3), (-0.15, 0.1)), ((-0.6, 0.6), (-0.8, 0.8))][rng.integers(3)]
+    scale = 10 ** rng.uniform(-2.0, 0.0)
+    width = rover.wheel_width if rng.random() < 0.7 else np.repeat(rng.uniform(0, 1.0, 3), 2) * rover.wheel_radius * scale
+    return rover.replace(rocker_limits=np.array(limits[0]), bogie_limits=np.array(limits[1]), wheel_width=np.asarray(width))
+
+
+def draw_terrain(
+    family: str,
+    rng: np.random.Generator,
+    rover: rb.Rover,
+    interpolation: rb.terrain.heightfield.Interpolation,
+    holes: bool = False,
+) -> rb.Terrain:
+    """Return ground of a family for a rover: cells of 1/40 to 4 wheel diameters, amplitudes up to a wheel radius or more.
+
+    In 1 case of 4 cells are stretched by up to 10. In 1 case of 4 heights are offset by thousands of metres.
+    With `holes`, some nodes are NaN.
+    """
+    radius = float(rover.wheel_radius.max())
+    size = reach(rover)
+    cell = 2 * radius * np.exp(rng.uniform(np.log(FINEST), np.log(COARSEST)))
+    stretch = np.exp(rng.uniform(-1, 1) * np.log(10.0) / 2) if rng.random() < 0.25 else 1.0
+    dx, dy = (max(d, 2 * radius * FINEST, 3.2 * size / MOST_NODES) for d in (cell * stretch, cell / stretch))
+    cols, rows = (int(np.ceil(2 * (1.05 * size + max(2.0 * d, 0.4 * size)) / d)) + 3 for d in (dx, dy))
+    z = globals()[family](rng, rows, cols)
+    if family == "noise":
+        z *= 10 ** rng.uniform(-10, -6)
+    else:
+        z *= radius * np.exp(rng.uniform(np.log(0.01), np.log(1.5)))
+    if rng.random() < 0.3:
+        j, i = np.mgrid[:rows, :cols]
+        z += rng.normal(0, 0.15) * i * dx + rng.normal(0, 0.15) * j * dy
+    if rng.random() < 0.25:
+        z += rng.choice([-1.0, 1.0]) * rng.uniform(1e3, 9e3)
+    if holes:
+        for _ in range(rng.integers(1, 5)):
+            row, col = rng.integers(0, rows), rng.integers(0, cols)
+            tall, wide = rng.integers(1, 3 + rows // 10), rng.integers(1, 3 + cols // 10)
+            z[row : row + tall, col : col + wide] = np.nan
+    return rb.Terrain.from_array(z, (dx, dy), (-dx * (cols - 1) / 2, -dy * (rows - 1) / 2), interpolation, name=family)
+
+
+def reach(rover: rb.Rover) -> float:
+    """Return a distance from the body's origin, m, that holds every tread and the box with joints near 0."""
+    wheels = np.hypot(*abs(rover.hubs[:, :2]).T) + rover.wheel_radius + rover.wheel_width
+    box = np.hypot(*abs(rover.body_box[:, :2]).max(axis=0))
+    return float(max(wheels.max(), box))
+
+
+def draw_places(rng: np.random.Generator, rover: rb.Rover, terrain: rb.Terrain, count: int) -> tuple[Array, Array, Array, Array]:
+    """Return x, y, yaw (count,) and steering (count, 6) with the rover on the map; 1 batch of 4 heads along the axes."""
+    west, south, east, north = terrain.bounds
+    size = reach(rover)
+    x = rng.uniform(west + size, east - size, count)
+    y = rng.uniform(south + size, north - size, count)
+    yaw = rng.uniform(-np.pi, np.pi, count)
+    kind = rng.random()
+    if kind < 0.15:
+        yaw = np.pi / 2 * rng.integers(-2, 3, count)
+    elif kind < 0.25:
+        x, y = (d * np.round((a - o) / d) + o for a, o, d in zip((x, y), terrain.origin, terrain.spacing, strict=True))
+    steering = np.zeros((count, 6))
+    if rng.random() < 0.3:
+        steering[:, rover.steers] = rng.uniform(-0.8, 0.8, (count, int(rover.steers.sum())))
+    return x, y, yaw, steering
+
+
+def draw_case(
+    seed: int, family: str, interpolation: rb.terrain.heightfield.Interpolation, count: int, holes: bool = False
+) -> Case:
+    """Return the case of a seed: the same one for the same arguments."""
+    rng = np.random.default_rng([seed, FAMILIES.index(family), interpolation == "cubic", holes])
+    rover = draw_rover(rng)
+    terrain = draw_terrain(family, rng, rover, interpolation, holes)
+    return Case(seed, family, rover, terrain, *draw_places(rng, rover, terrain, count))
