@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -34,11 +36,15 @@ VALUES = np.linspace(1.0, 2.0, 6 * 200).reshape(200, 6)
 def test_stored_outputs_are_unchanged() -> None:
     if not golden.FILE.exists():
         pytest.skip(f"{golden.FILE.name} is absent: python tools/golden.py write makes it")
-    stored = golden.Golden(golden.FILE)
-    report = golden.check(stored, SUBSET, exact=False)
-    assert report.compared >= 100
-    assert report.differing == {}
-    assert report.extra == []
+    command = [sys.executable, golden.__file__, "check", *(word for name in SUBSET for word in ("--only", name))]
+    # A kernel that this process has just compiled rounds differently from the same kernel loaded from the cache: the first run
+    # compiles what is missing, the second compares, bit by bit where the environment is the stored one.
+    subprocess.run(command, capture_output=True, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    compared = re.search(r"(\d+) outputs compared, 0 differ", done.stdout)
+    assert compared is not None, done.stdout
+    assert int(compared[1]) >= 100
 
 
 def test_cases_cover_every_surface_and_preset() -> None:
