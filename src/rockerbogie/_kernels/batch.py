@@ -157,7 +157,7 @@ def rest_left(
     report: Array, left: NDArray[np.int64],
     start: int, stop: int,
 ) -> None:  # fmt: skip
-    """Solve for an equilibrium from the six-wheel poses of those that found none when let down from above.
+    """Solve for an equilibrium from the six-wheel poses of those that found none on the descent from above.
 
     A pose for which this search fails too keeps the status of the first search.
 

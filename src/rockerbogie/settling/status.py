@@ -42,7 +42,7 @@ MEANING: dict[Status, tuple[str, str]] = {
         "the rover is high-centred: choose another place",
     ),
     Status.TIPPED: (
-        "equilibrium: the rover tips over (1.3 rad of roll or pitch) when let down from above, and no rest was found "
+        "equilibrium: the rover tips over (1.3 rad of roll or pitch) on the descent from above, and no rest was found "
         "from the six-wheel pose either; the pose is nan",
         "no rest is known here: choose another place or heading",
     ),

@@ -2,8 +2,8 @@
 
 Where ground bends less than a rim does, a rim touches it in one place only, which Newton finds from anywhere; so pose and
 contacts are sought together. One step moves each contact over its tread by what slope and curvature of the ground tell,
-and the pose by the six gaps and their slopes at the moved contacts: both converge quadratically. Nothing here is proved:
-that is `proof`'s.
+and the pose by the six gaps and their slopes at the moved contacts: both converge quadratically. This module proves nothing:
+`search.verify_minimum` verifies each tread.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ from . import cubic_newton, linkage
 
 Array = NDArray[np.float64]
 
-VERDICT = cubic_newton.SMOOTH_ROWS  # what is proved of a lane: `proof`'s words
+VERDICT = cubic_newton.SMOOTH_ROWS  # what is proved of a lane: a verdict of search.verify_minimum
 BLOCK_SIZE = VERDICT + linkage.LANES
 ROUNDS = 5  # proofs that may send a lane on from a lower place
 

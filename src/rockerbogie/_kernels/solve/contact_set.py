@@ -52,7 +52,7 @@ def touch_down(
     grid, _, meta = ground
     if not stand(rover, work.feet, x, y, cy, sy, q, axes, knees, wheels):
         return -1, -1
-    astray, count = FOUND, 0
+    coverage, count = FOUND, 0
     least = margin = math.inf
     for i in range(6):
         margin = min(margin, NEAR * rover[P_RADIUS + i])
@@ -62,7 +62,7 @@ def touch_down(
         code, kept = least_gap(ground, w, t[SIN], t[COSINE], t[PLACE], True, -math.inf, best, work.none)
         if best[GAP] == math.inf:
             return code, -1
-        astray = max(astray, code)
+        coverage = max(coverage, code)
         least = min(least, best[GAP])
         if not full:
             continue
@@ -92,7 +92,7 @@ def touch_down(
             if not same:
                 count += 1
     code, n = box_over_ground(ground, rover[P_BOX : P_BOX + 6], axes, x, y, q[Z], margin, near)
-    astray = max(astray, code)
+    coverage = max(coverage, code)
     for k in range(n):
         least = min(least, near[k, N_GAP])
         if full:
@@ -117,4 +117,4 @@ def touch_down(
     q[Z] -= least
     for k in range(count):
         gap[k] -= least
-    return astray, count
+    return coverage, count

@@ -1,7 +1,7 @@
 """The rover at rest: the least potential energy of its masses with no tread and no belly in the ground, joints in their stops.
 
 Lifting the body by h opens every gap by exactly h. So a pose is made to just touch by one shift of z, and what is left is
-to go down. Of several low places that is sought which the rover comes to when it is let down (`let_down`); from near
+to go down. Of several low places that is sought which the rover reaches on the descent (`descent.let_down`); from near
 there a sequence of small quadratic programmes finds it exactly, each with every near contact of every wheel (not only the
 lowest), the belly's near places, the stops and a trust region. Energy falls at every step taken. Where a step would run
 into ground that the programme did not foresee (a kink: another slope of the same wheel), what it met joins the programme.
@@ -56,7 +56,7 @@ R_SIZE = 16
 def settle_equilibrium(
     ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, report: Array, work: Work
 ) -> int:
-    """Compute the equilibrium that the rover reaches when it is let down from above, level and with straight joints.
+    """Compute the equilibrium that the rover reaches on the descent from above, level and with straight joints.
 
     Args:
         ground: the packed terrain (ground.Ground).
@@ -119,7 +119,7 @@ def settle_from_pose(
 @njit
 def minimize_energy(
     ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, report: Array, work: Work,
-    gap: Array, rows: Array, owner: NDArray[np.int64], n: Array, b: Array, count: int, astray: int,
+    gap: Array, rows: Array, owner: NDArray[np.int64], n: Array, b: Array, count: int, coverage: int,
 ) -> int:  # fmt: skip
     """Move q to a minimum of the potential energy and compute the contact forces that hold it.
 
@@ -134,7 +134,7 @@ def minimize_energy(
         gap, rows, owner: (ROWS,), (ROWS, 6), (ROWS,) the contacts of q as `touch_down` lists them; overwritten.
         n, b: (CONSTRAINTS, 6), (CONSTRAINTS,) scratch for the constraints.
         count: number of contacts listed.
-        astray: FOUND, or OFF or BLANK if the map's edge or missing data lies under q.
+        coverage: FOUND, or OFF or BLANK if the map's edge or missing data lies under q.
 
     Returns:
         Status code as `settle_equilibrium`.
@@ -178,9 +178,9 @@ def minimize_energy(
             arrived = False
         if arrived:
             if bear(rover, q, slope, gap, rows, count, inverse, n, b, d, force) < STILL:
-                if astray != FOUND:
+                if coverage != FOUND:
                     q[:] = report[:] = math.nan
-                    return NO_DATA if astray == BLANK else OFF_MAP
+                    return NO_DATA if coverage == BLANK else OFF_MAP
                 return judge(rover, q, gap, owner, force, count, report)
             # no: kinks took for sharp curvature have brought it to a halt. On, with nothing learnt
             forget(bend)
@@ -237,7 +237,7 @@ def minimize_energy(
         if max(abs(q[ROLL]), abs(q[PITCH])) > FALLEN:
             q[:] = math.nan
             return TIPPED
-        astray, count = touch_down(ground, rover, x, y, cy, sy, q, True, work, gap, rows, owner)
+        coverage, count = touch_down(ground, rover, x, y, cy, sy, q, True, work, gap, rows, owner)
         height = q[Z] + centre_of_mass(rover, feet, q, cy, sy, axes, knees, slope)
         listed, cuts, far = count, 0, 0.0
         for k in range(6):

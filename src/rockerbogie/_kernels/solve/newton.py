@@ -119,7 +119,7 @@ def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: floa
         if not stand(rover, work.feet, x, y, cy, sy, q, axes, knees, wheels):
             return -1
         worst = 0.0
-        astray = FOUND
+        coverage = FOUND
         for i in range(6):
             t = touch[i]
             code, _ = least_gap(ground, wheels[i], t[SIN], t[COSINE], t[PLACE], whole, -math.inf, t, work.none)
@@ -128,11 +128,11 @@ def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: floa
                     code, _ = least_gap(ground, wheels[i], t[SIN], t[COSINE], t[PLACE], True, -math.inf, t, work.none)
                 if t[GAP] == math.inf:
                     return code
-                astray = code if code != FOUND else astray
+                coverage = code if code != FOUND else coverage
             worst = max(worst, abs(t[GAP]))
         if worst < TOLERANCE:
             if whole:
-                return astray if astray == FOUND else astray + FOUND_OVER
+                return coverage if coverage == FOUND else coverage + FOUND_OVER
             whole = True  # settled on the contacts followed: is there a lower one anywhere on the treads?
             continue
         whole = it >= FOLLOWED or worst < NEARLY
