@@ -122,3 +122,14 @@ def test_spline_has_the_coefficients_drawn() -> None:
     level = terrain.meta[rb._kernels.model.ground.META_Z]
     inner = (slice(26, -26), slice(22, -22))
     assert abs(terrain.grid + level - c)[inner].max() < 1e-9
+
+
+@pytest.mark.parametrize("k", [14, 33])
+def test_missing_data_met_on_the_way_is_no_reason_to_refuse(k: int) -> None:
+    """Some starts lead to poses over missing data, another one to a pose over known terrain."""
+    case = draw_case(107, "ripples", "cubic", 250, holes=True)
+    pose = rb.settle(case.rover, case.terrain, case.x[k], case.y[k], case.yaw[k], steering=case.steering[k])
+    assert pose.status == rb.Status.CONVERGED
+    check = rb.verify(pose)
+    assert check.known.all()
+    assert check.passes(1e-6)

@@ -157,6 +157,7 @@ FOLLOWED = 8  # steps in which contacts are followed; from then on they are soug
 STARTS = 32
 STRAYED = 8  # starts that may put a wheel wholly off the known terrain before the place itself counts as off it
 FOUND_OVER = 8  # added to OFF or BLANK
+EDGE_STARTS = 3  # starts that may lead to a pose across the map's edge before the place counts as off the map
 STRIDE = 0.3  # rad, the longest step
 WIDEST = 1.4  # rad: a settled joint or attitude beyond this is the linkage folded over, not standing
 
@@ -197,7 +198,7 @@ def settle_contact(ground: Ground, rover: Array, x: float, y: float, cy: float, 
     Returns:
         Status code.
     """
-    strayed, over = 0, FOUND
+    strayed, edges, over = 0, 0, FOUND
     for attempt in range(STARTS):
         start_pose(ground, rover, x, y, attempt, q, work.touch)
         if attempt == 0:
@@ -209,6 +210,9 @@ def settle_contact(ground: Ground, rover: Array, x: float, y: float, cy: float, 
                 break
         elif code > FOUND_OVER:
             over = code - FOUND_OVER
+            edges += over == OFF
+            if edges == EDGE_STARTS:
+                break
         elif code == FOUND and max(max(abs(q[1]), abs(q[2])), max(abs(q[3]), max(abs(q[4]), abs(q[5])))) < WIDEST:
             return JOINT_STOP if beyond_stops(rover, q) else CONVERGED
     q[:] = math.nan
