@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from .maps.plan import plan as plan
     from .maps.traversability import traversability as traversability
     from .motion.body_twist import Noise as Noise
+    from .motion.body_twist import SensorNoise as SensorNoise
     from .motion.body_twist import body_twist as body_twist
     from .motion.drive import drive as drive
     from .motion.jacobian import JACOBIAN_COLUMNS as JACOBIAN_COLUMNS
@@ -38,10 +39,12 @@ if TYPE_CHECKING:
     from .motion.jacobian import wheel_jacobians as wheel_jacobians
     from .motion.path import Path as Path
     from .motion.path_files import Plan as Plan
+    from .motion.path_files import Route as Route
     from .motion.slip import wheel_slip as wheel_slip
     from .motion.wheel_commands import wheel_commands as wheel_commands
     from .rover.differential import DifferentialBar as DifferentialBar
     from .rover.formats import Import as Import
+    from .rover.formats import ImportResult as ImportResult
     from .rover.formats import import_rover as import_rover
     from .rover.formats import load_rover as load_rover
     from .rover.formats import to_sdf as to_sdf
@@ -76,6 +79,7 @@ _EXPORTS = {
     "Link": "rover.model",
     "load_rover": "rover.formats",
     "import_rover": "rover.formats",
+    "ImportResult": "rover.formats",
     "Import": "rover.formats",
     "DifferentialBar": "rover.differential",
     "to_toml": "rover.formats",
@@ -97,6 +101,7 @@ _EXPORTS = {
     "system_jacobian": "motion.jacobian",
     "SimpleStance": "motion.jacobian",
     "body_twist": "motion.body_twist",
+    "SensorNoise": "motion.body_twist",
     "Noise": "motion.body_twist",
     "wheel_commands": "motion.wheel_commands",
     "wheel_slip": "motion.slip",
@@ -118,6 +123,7 @@ _EXPORTS = {
     "write_map": "maps.files",
     "read_map": "maps.files",
     "plan": "maps.plan",
+    "Route": "motion.path_files",
     "Plan": "motion.path_files",
 }
 

@@ -70,7 +70,7 @@ def test_search_finds_the_least_gap_or_says_that_it_cannot_tell(name: str, kind:
     q[:, 0] = np.nan_to_num(terrain.height(x, y)) - packed.meta[META_Z] + rover.wheel_radius.max()
     buffer, S = np.zeros(WORK_SIZE), np.zeros(bilinear_settle.ROUGH_ROWS)
     work = lay_out(buffer)
-    linkage.stand_feet(car, np.zeros(6), work.feet)
+    linkage.set_hub_offsets(car, np.zeros(6), work.hub_offsets)
     sure = apart = 0
     for first in range(0, 48, lanes.LANES):
         for lane in range(lanes.LANES):
@@ -84,7 +84,7 @@ def test_search_finds_the_least_gap_or_says_that_it_cannot_tell(name: str, kind:
                 S[lanes.Q + n * lanes.LANES + lane] = q[k, n]
             for i in range(6):
                 for n in range(5):
-                    S[lanes.FX + n * lanes.ALL + i * lanes.LANES + lane] = work.feet[i, n]
+                    S[lanes.FX + n * lanes.ALL + i * lanes.LANES + lane] = work.hub_offsets[i, n]
         lanes.head(S)
         rim_search.set_home(S, packed.meta)
         lanes.place_body(S, car)
@@ -93,12 +93,12 @@ def test_search_finds_the_least_gap_or_says_that_it_cannot_tell(name: str, kind:
         for lane in range(lanes.LANES):
             k = first + lane
             at = x[k] - packed.meta[META_X], y[k] - packed.meta[META_Y], math.cos(yaw[k]), math.sin(yaw[k])
-            linkage.stand(car, work.feet, *at, q[k], work.axes, work.knees, work.wheels)
+            linkage.forward_kinematics(car, work.hub_offsets, *at, q[k], work.axes, work.pivots, work.wheels)
             for i in range(6):
-                code, _ = least_gap(packed, work.wheels[i], 0.0, 1.0, 0.0, True, -math.inf, work.best, work.none)
+                code, _ = least_gap(packed, work.wheels[i], 0.0, 1.0, 0.0, True, -math.inf, work.lowest, work.none)
                 if code == FOUND and S[bilinear_settle.ASTRAY + i * lanes.LANES + lane] == 0.0:
                     sure += 1
-                    apart += not abs(S[lanes.GAP + i * lanes.LANES + lane] - work.best[wheel.GAP]) < 1e-10
+                    apart += not abs(S[lanes.GAP + i * lanes.LANES + lane] - work.lowest[wheel.GAP]) < 1e-10
     buffer[0] = 0.0
     assert apart == 0
     assert sure > 0.6 * 48 * 6
@@ -113,7 +113,7 @@ def test_lanes_settle_by_the_oracle_and_as_one_pose_alone(name: str, kind: str) 
     given = terrain.packed, rover.packed, x, y, yaw, np.zeros((1, 6))
     q, status = np.full((64, 6), np.nan), np.zeros(64, np.uint8)
     batch.settle_linear(*given, q, status, np.arange(64), 0, 64)
-    done = status != batch.LEFT
+    done = status != batch.UNSETTLED
     if not bilinear_settle.too_fine(terrain.packed.meta, rover.packed):
         assert done.mean() > (0.95 if kind == "plane" else 0.5)
     alone, codes = np.full((64, 6), np.nan), np.zeros(64, np.uint8)

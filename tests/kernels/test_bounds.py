@@ -94,7 +94,7 @@ def test_curvature_bound_along_a_rim(seed: int) -> None:
     for low in (rng.uniform(-1.5, 0.5), rng.uniform(1.6, 3.0)):
         high = low + rng.choice([0.01, 0.3, 1.0, 1.6])
         _, _, _, gx, gy = cubic_cell._along(c, meta, w, low, half)
-        bound = cubic_cell._least_bend(w, bends, gx, gy, low, high)
+        bound = cubic_cell._least_curvature(w, bends, gx, gy, low, high)
         values = [cubic_cell._along(c, meta, w, t, half)[2] for t in np.linspace(low, high, 101)]
         assert bound <= min(values) + 1e-12
 
@@ -134,7 +134,7 @@ def test_roof_lies_over_the_spline(seed: int) -> None:
     """No point of a spline rises over the bilinear surface of the nodes that bound it."""
     rng = np.random.default_rng(seed)
     terrain = rb.Terrain.from_array(rng.normal(size=(12, 9)), (0.5, 0.7))
-    roof = rb.Terrain.from_array(terrain.roof, (0.5, 0.7), interpolation="linear")
+    roof = rb.Terrain.from_array(terrain.upper_bound, (0.5, 0.7), interpolation="linear")
     x, y = rng.uniform(0, 4, 20000), rng.uniform(0, 7.7, 20000)
     assert (terrain.height(x, y) - terrain.meta[ground.META_Z] - roof.height(x, y)).max() <= 1e-12
 

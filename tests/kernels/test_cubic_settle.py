@@ -120,7 +120,7 @@ def test_least_is_said_only_where_it_is_so(seed: int) -> None:
             at, low = phi[gap.argmin()], gap.min()
             w[wheel.HZ] = hub[2] - terrain.meta[2] - low  # let down till this place touches
             work = lay_out(np.zeros(WORK_SIZE))
-            verdict = verify_minimum.is_least(terrain.packed, w, math.sin(at), math.cos(at), place, work.best, work.none)
+            verdict = verify_minimum.is_least(terrain.packed, w, math.sin(at), math.cos(at), place, work.lowest, work.none)
             if verdict != verify_minimum.LEAST:
                 continue
             said += 1

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rockerbogie._kernels.jit.decorators import spread, threads
+from rockerbogie._kernels.jit.decorators import parallel_for, threads
 
 SCRIPT = """
 import gc
@@ -70,7 +70,7 @@ def test_every_item_is_done_once_on_any_number_of_threads(count: int) -> None:
             out[start:stop] += 1
 
         with threads(workers):
-            spread(kernel, count, done)
+            parallel_for(kernel, count, done)
         assert (done == 1).all()
 
 
@@ -80,4 +80,4 @@ def test_what_a_kernel_raises_comes_through_and_ends_the_batch() -> None:
             raise ZeroDivisionError
 
     with threads(None), pytest.raises(ZeroDivisionError):
-        spread(kernel, 5000)
+        parallel_for(kernel, 5000)

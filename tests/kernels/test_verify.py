@@ -10,7 +10,7 @@ from scipy.interpolate import RectBivariateSpline
 from test_gap import any_pose, wheels_of
 
 import rockerbogie as rb
-from rockerbogie.terrain.heightfield import cut
+from rockerbogie.terrain.heightfield import crop
 from support import oracle
 from support.helpers import assert_close
 from support.strategies import GROUNDS
@@ -210,7 +210,7 @@ def test_a_window_and_a_map_far_from_the_origin_give_the_same_bits(interpolation
     rng = np.random.default_rng(3)
     z = rng.normal(0, 0.05, (60, 60))
     terrain = rb.Terrain.from_array(z, 0.25, interpolation=interpolation)
-    window = cut(terrain, (5, 55), (8, 50))
+    window = crop(terrain, (5, 55), (8, 50))
     pose = hand_made(rover_of_width(0.2), terrain, rng, 3, 0.3)
     one, two = rb.verify(pose), rb.verify(replace(pose, terrain=window))
     np.testing.assert_array_equal(one.gap_low, two.gap_low)
@@ -218,7 +218,7 @@ def test_a_window_and_a_map_far_from_the_origin_give_the_same_bits(interpolation
     far = rb.Terrain.from_array(z + 4096.0, 0.25, (2.0**22, 2.0**22), interpolation)
     moved = replace(pose, terrain=far, x=pose.x + 2.0**22, y=pose.y + 2.0**22, q=pose.q + [4096.0, 0, 0, 0, 0, 0])
     assert_close(rb.verify(moved).gap_high, one.gap_high, 1.2e-8, "m", "positions are rounded to 1e-9 m there")
-    outside = rb.verify(replace(pose, terrain=cut(terrain, (5, 30), (8, 50))))
+    outside = rb.verify(replace(pose, terrain=crop(terrain, (5, 30), (8, 50))))
     assert not outside.known.all()
     assert outside.on_map.all()
 

@@ -13,7 +13,7 @@ from rockerbogie.maps import ground as filed_ground
 from rockerbogie.maps.ground import Span, hold_ground, nodes_under, open_ground, reach
 from rockerbogie.terrain import heightfield as terrain_module
 from rockerbogie.terrain import spline
-from rockerbogie.terrain.heightfield import Terrain, Whole, cut, lay, nodes_needed
+from rockerbogie.terrain.heightfield import MapExtent, Terrain, build_window, crop, nodes_needed
 from support.helpers import paper_rover
 
 KINDS = ("linear", "cubic")
@@ -32,10 +32,10 @@ def heights(holes: bool, shape: tuple[int, int] = SHAPE) -> np.ndarray:
     return z
 
 
-def window_of(z: np.ndarray, rows: Span, cols: Span, whole: Whole) -> Terrain:
+def window_of(z: np.ndarray, rows: Span, cols: Span, whole: MapExtent) -> Terrain:
     """A window laid out of no heights but those it says it needs."""
     (r0, r1), (c0, c1) = (nodes_needed(*s, n, whole.interpolation) for s, n in zip((rows, cols), whole.shape, strict=True))
-    return lay(z[r0:r1, c0:c1].copy(), (r0, c0), rows, cols, whole)
+    return build_window(z[r0:r1, c0:c1].copy(), (r0, c0), rows, cols, whole)
 
 
 def same(a: Any, b: Any) -> bool:
@@ -49,12 +49,12 @@ def test_ground_laid_in_windows_is_the_whole_grounds(kind: Any, holes: bool) -> 
     z = heights(holes)
     terrain = Terrain.from_array(z, STEP, ORIGIN, kind)
     whole = hold_ground(terrain).whole
-    assert np.isfinite(whole.bend or 0) == (kind == "cubic" and not holes)
+    assert np.isfinite(whole.curvature or 0) == (kind == "cubic" and not holes)
     spans = [(0, 2), (0, 100), (250, 262), (255, 257), (256, 512), (100, 590), (588, 590)]
     for rows in [*spans, (618, 620), (0, 620)]:
         for cols in spans:
-            laid, taken = window_of(z, rows, cols, whole), cut(terrain, rows, cols)
-            for name in ("z", "grid", "roof", "meta"):
+            laid, taken = window_of(z, rows, cols, whole), crop(terrain, rows, cols)
+            for name in ("z", "grid", "upper_bound", "meta"):
                 assert same(getattr(laid, name), getattr(taken, name)), f"{name} of rows {rows}, columns {cols}"
             assert laid.bounds == taken.bounds
 
@@ -104,13 +104,13 @@ def test_no_node_beside_a_window_is_read(kind: Any) -> None:
     x, y = ORIGIN[0] + np.array([2.3, 3.0, 0.7]), ORIGIN[1] + np.array([3.1, 3.6, 3.3])
     yaw = rng.uniform(-np.pi, np.pi, 3)
     rows, cols = nodes_under(y.min(), y.max(), ORIGIN[1], 0.1, 70, far), nodes_under(x.min(), x.max(), ORIGIN[0], 0.1, 64, far)
-    bare = cut(terrain, rows, cols)
+    bare = crop(terrain, rows, cols)
     buried = np.full((bare.grid.shape[0] + 40, bare.grid.shape[1]), np.nan)  # so are the 20 rows before it and after it
     buried[20:-20] = bare.grid
-    roof = np.full((bare.roof.shape[0] + 40, bare.roof.shape[1]), np.nan)
-    roof[20:-20] = bare.roof
+    upper_bound = np.full((bare.upper_bound.shape[0] + 40, bare.upper_bound.shape[1]), np.nan)
+    upper_bound[20:-20] = bare.upper_bound
     window = rb.Terrain(
-        bare.z, bare.spacing, bare.origin, bare.interpolation, bare.crs, bare.name, buried[20:-20], roof[20:-20], bare.meta
+        bare.z, bare.spacing, bare.origin, bare.interpolation, bare.crs, bare.name, buried[20:-20], upper_bound[20:-20], bare.meta
     )
     for mode in ("contact", "equilibrium"):
         here, there = (rb.settle(rover, t, x, y, yaw, mode=mode) for t in (terrain, window))  # type: ignore[arg-type]
@@ -158,8 +158,8 @@ def test_a_file_read_in_windows_is_the_file_read_whole(data: Callable[[str], Any
         assert filed.whole == hold_ground(terrain).whole
         assert filed.digest() == hold_ground(terrain).digest()
         for rows, cols in (((0, 90), (200, 300)), ((240, 270), (500, 513))):
-            for name in ("z", "grid", "roof", "meta"):
-                assert same(getattr(filed.window(rows, cols), name), getattr(cut(terrain, rows, cols), name))
+            for name in ("z", "grid", "upper_bound", "meta"):
+                assert same(getattr(filed.window(rows, cols), name), getattr(crop(terrain, rows, cols), name))
 
 
 def test_the_reference_height_of_a_file_is_the_terrains(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -181,5 +181,5 @@ def test_the_reference_height_of_a_file_is_the_terrains(tmp_path: Any, monkeypat
             assert filed.whole == hold_ground(terrain).whole
             assert abs(filed.whole.level + 4450) <= 1
             for rows, cols in (((0, 40), (0, 40)), ((300, 420), (500, 590))):
-                for name in ("z", "grid", "roof", "meta"):
-                    assert same(getattr(filed.window(rows, cols), name), getattr(cut(terrain, rows, cols), name))
+                for name in ("z", "grid", "upper_bound", "meta"):
+                    assert same(getattr(filed.window(rows, cols), name), getattr(crop(terrain, rows, cols), name))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rockerbogie as rb
-from rockerbogie.motion.body_twist import Noise
+from rockerbogie.motion.body_twist import SensorNoise
 from rockerbogie.motion.jacobian import contact_rows, ground_rates
 from rockerbogie.motion.slip import slip_ratio
 from rockerbogie.motion.wheel_commands import arc, commands_along, crab, straight, turn_in_place
@@ -201,7 +201,7 @@ def test_any_subset_of_sensors():
 def test_covariance_is_the_scatter():
     rng = np.random.default_rng(6)
     rover, flat = level_rover(), flat_stance()
-    noise = Noise(roll_slip=0.01, side_slip=0.01, lift=0.002, gyro=0.003)
+    noise = SensorNoise(roll_slip=0.01, side_slip=0.01, lift=0.002, gyro=0.003)
     n = 4000
     slipping = np.stack([rng.normal(0, 0.01, (n, 6)), rng.normal(0, 0.01, (n, 6)), rng.normal(0, 0.002, (n, 6))], axis=-1)
     rows = contact_rows(rover, flat)[:, :3, :9]

@@ -58,9 +58,9 @@ def test_rockers_in_two_arms() -> None:
     got = take(foreign.rockers_in_two_arms(truth))
     assert_geometry(got.rover, truth, 1e-9)
     assert_close(got.rover.rocker_limits, (-0.4, 0.4), 0, "rad", "as the arms'")
-    assert said(got.mended, "two arms")
-    assert said(got.mended, "2 hinges lie up to 11 deg off")
-    assert said(got.mended, "nothing ties the two rockers")
+    assert said(got.repaired, "two arms")
+    assert said(got.repaired, "2 hinges lie up to 11 deg off")
+    assert said(got.repaired, "nothing ties the two rockers")
     assert said(got.guessed, "forward is -y", "from its names")
     assert said(got.found, "held at rest", "mast")
     assert got.rover.wheel_names == truth.wheel_names
@@ -73,7 +73,7 @@ def test_upside_down_and_weightless() -> None:
     assert_geometry(got.rover, truth, 1e-9, but=("wheel_width",))
     assert np.isinf(got.rover.rocker_limits).all()
     assert np.isinf(got.rover.bogie_limits).all()
-    assert said(got.mended, "up is -z")
+    assert said(got.repaired, "up is -z")
     assert said(got.guessed, "mass: the file has none")
     assert_sits_level(got.rover, 1e-6)
     heavy = take(foreign.upside_down_and_weightless(truth), mass=1025.0, wheel_width=0.331)
@@ -87,8 +87,8 @@ def test_bars_closed_elsewhere() -> None:
     assert_geometry(got.rover, truth, 1e-9)
     assert_close(got.rover.body_box, truth.body_box, 1e-12, "m", "the body's colliding box; the brace's is not the body's")
     assert_close(got.rover.bogie_limits, truth.bogie_limits, 1e-12, "rad", "from the file")
-    assert said(got.mended, "continuous", "limits it is given besides do not count")
-    assert said(got.mended, "<gazebo>")
+    assert said(got.repaired, "continuous", "limits it is given besides do not count")
+    assert said(got.repaired, "<gazebo>")
     assert_close(got.rover.mass, 4.61, 1e-9, "kg", "every link once")
     assert_close(
         got.rover.wheels[0].com, truth.hubs[0], 1e-12, "m", "a knuckle of its own weight rides with its arm, not its wheel"
@@ -108,7 +108,7 @@ def test_drawn_in_cad() -> None:
     assert_close(got.rover.rocker_limits, (-0.1, 0.0), 1e-12, "rad", "left -1 to 0, right -0.1 to 0.1: what both allow")
     assert_close(got.rover.bogie_limits, (-0.3, 0.4), 1e-12, "rad", "about -y in the file, so turned over")
     assert said(got.guessed, "forward is y", "forward='-y' turns it round")
-    assert said(got.mended, "an inertia no body can have", "wheel_6")
+    assert said(got.repaired, "an inertia no body can have", "wheel_6")
     turned = take(foreign.drawn_in_cad(truth), wheel_radius=0.065, forward="-y")
     assert_close(
         turned.rover.hubs[0], truth.hubs[1] * (-1, -1, 1), 1e-9, "m", "turned round, the right front wheel is the left rear one"
@@ -152,7 +152,7 @@ def test_names_mean_nothing() -> None:
     got = take(text)
     assert_geometry(got.rover, truth, 1e-12)
     assert not got.guessed
-    assert not got.mended
+    assert not got.repaired
 
 
 @pytest.mark.parametrize(
@@ -412,7 +412,7 @@ def test_sdf_with_loops_and_frames() -> None:
     )
     got = take(text)
     assert_geometry(got.rover, truth, 1e-12)
-    assert said(got.mended, "ball_2", "closes a loop")
+    assert said(got.repaired, "ball_2", "closes a loop")
 
 
 def test_mjcf_with_classes_and_degrees() -> None:

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .jit.decorators import inlined, njit
-from .jit.raw_views import bare
-from .model.ground import META_X, META_Y, META_Z, Ground, loan
-from .model.linkage import P_BOX, PITCH, ROLL, Z, body_axes, stand, stand_feet
+from .jit.raw_views import unowned_view
+from .model.ground import META_X, META_Y, META_Z, Ground, borrow
+from .model.linkage import P_BOX, PITCH, ROLL, Z, body_axes, forward_kinematics, set_hub_offsets
 from .model.wheel import COSINE, GAP, HALF, HX, HY, HZ, PLACE, SIN, contact_angle, contact_slope, gap_at, tread_point
 from .search.body_box import NEAR_ROOM, NEAR_SIZE, box_over_ground, least_clearance
 from .search.tread import FOUND, least_gap, patches
@@ -26,7 +26,7 @@ from .solve.newton import CONVERGED, JOINT_STOP, beyond_stops, settle_contact
 Array = NDArray[np.float64]
 
 
-LEFT = 255  # as a status: a pose that the lanes have not settled, and `settle_left` is to
+UNSETTLED = 255  # as a status: a pose that the lanes have not settled, and `settle_left` is to
 
 
 @njit
@@ -35,18 +35,25 @@ def settle_cubic(
     start: int, stop: int,
 ) -> None:  # fmt: skip
     """Contact mode on cubic ground. x, y, yaw (n,), steering (n, 6) or (1, 6); fills out (n, 6) as linkage's q, and
-    status (n,), with LEFT among them."""
+    status (n,), with UNSETTLED among them."""
     buffer, block, which = np.empty(WORK_SIZE), np.empty(BLOCK_SIZE + LINE), np.empty(LANES, np.int64)
-    work, land, car, meta, q, S = lay_out(buffer), loan(ground), bare(rover), bare(ground[2]), bare(out), line_up(block)
+    work, land, car, meta, q, lanes = (
+        lay_out(buffer),
+        borrow(ground),
+        unowned_view(rover),
+        unowned_view(ground[2]),
+        unowned_view(out),
+        line_up(block),
+    )
     sure = sure_step(meta, car)
     for first in range(start, stop, LANES):
         count = min(LANES, stop - first)
         for l in range(count):
             which[l] = first + l
-        load(S, car, meta, x, y, yaw, steering, which, count, first == start, work)
-        settle_block(S, land, car, count, sure, work)
+        load(lanes, car, meta, x, y, yaw, steering, which, count, first == start, work)
+        settle_block(lanes, land, car, count, sure, work)
         for l in range(count):
-            keep_lane(S, l, car, meta, q, status, first + l, S[VERDICT + l] == LEAST)
+            store_lane(lanes, l, car, meta, q, status, first + l, lanes[VERDICT + l] == LEAST)
     buffer[0] = block[0] = 0.0  # their last use: they live till here
 
 
@@ -60,52 +67,61 @@ def settle_linear(
     block of them."""
     buffer, block = np.empty(WORK_SIZE), np.empty(bilinear_settle.ROUGH_ROWS + LINE)
     which, wait = np.empty(LANES, np.int64), np.empty(2 * LANES, np.int64)
-    work, land, car, meta, q, S = lay_out(buffer), loan(ground), bare(rover), bare(ground[2]), bare(out), line_up(block)
+    work, land, car, meta, q, lanes = (
+        lay_out(buffer),
+        borrow(ground),
+        unowned_view(rover),
+        unowned_view(ground[2]),
+        unowned_view(out),
+        line_up(block),
+    )
     waiting, first = 0, start
     if bilinear_settle.too_fine(meta, car):
         for n in range(start, stop):
-            status[order[n]] = LEFT
+            status[order[n]] = UNSETTLED
         first = stop
     while first < stop or waiting > 0:
         anew = waiting < LANES and first < stop  # else those that wait
         count = min(LANES, stop - first if anew else waiting)
         for l in range(count):
             which[l] = order[first + l] if anew else wait[l]
-        load(S, car, meta, x, y, yaw, steering, which, count, first == start, work)
+        load(lanes, car, meta, x, y, yaw, steering, which, count, first == start, work)
         if anew:
             first += count
-            bilinear_settle.start(S, land[0], meta, car)
+            bilinear_settle.start(lanes, land[0], meta, car)
         else:
             waiting -= count
             for l in range(waiting):
                 wait[l] = wait[count + l]
             for l in range(LANES):
                 for n in range(6):
-                    S[Q + n * LANES + l] = q[which[min(l, count - 1)], n]
-                    S[SINE + n * LANES + l] = 0.0  # where wheels touch, of which nothing of others is to be left
-        bilinear_settle.settle(S, land, car, count, 1 if anew else ROUNDS)
+                    lanes[Q + n * LANES + l] = q[which[min(l, count - 1)], n]
+                    lanes[SINE + n * LANES + l] = 0.0  # where wheels touch, of which nothing of others is to be left
+        bilinear_settle.settle(lanes, land, car, count, 1 if anew else ROUNDS)
         for l in range(count):
             k = which[l]
-            if anew and S[bilinear_settle.FATE + l] == bilinear_settle.SOUGHT:
+            if anew and lanes[bilinear_settle.FATE + l] == bilinear_settle.SEARCHING:
                 for n in range(6):
-                    q[k, n] = S[Q + n * LANES + l]
+                    q[k, n] = lanes[Q + n * LANES + l]
                 wait[waiting] = k
                 waiting += 1
             else:
-                keep_lane(S, l, car, meta, q, status, k, S[bilinear_settle.FATE + l] == bilinear_settle.SETTLED)
+                store_lane(lanes, l, car, meta, q, status, k, lanes[bilinear_settle.FATE + l] == bilinear_settle.SETTLED)
     buffer[0] = block[0] = 0.0
 
 
 @inlined
-def keep_lane(S: Array, l: int, rover: Array, meta: Array, q: Array, status: NDArray[np.uint8], k: int, settled: bool) -> None:
-    """Pose k is what lane l has come to, or LEFT."""
+def store_lane(
+    lanes: Array, l: int, rover: Array, meta: Array, q: Array, status: NDArray[np.uint8], k: int, settled: bool
+) -> None:
+    """Pose k is what lane l has come to, or UNSETTLED."""
     if settled:
         for n in range(6):
-            q[k, n] = S[Q + n * LANES + l]
+            q[k, n] = lanes[Q + n * LANES + l]
         status[k] = JOINT_STOP if beyond_stops(rover, q[k]) else CONVERGED
         q[k, Z] += meta[META_Z]
     else:
-        status[k] = LEFT
+        status[k] = UNSETTLED
 
 
 @njit
@@ -116,10 +132,10 @@ def settle_left(
 ) -> None:  # fmt: skip
     """Contact mode, pose by pose: those that are `left`."""
     buffer = np.empty(WORK_SIZE)
-    work, land, car, meta, q = lay_out(buffer), loan(ground), bare(rover), bare(ground[2]), bare(out)
+    work, land, car, meta, q = lay_out(buffer), borrow(ground), unowned_view(rover), unowned_view(ground[2]), unowned_view(out)
     for n in range(start, stop):
         k = left[n]
-        stand_feet(car, steering[k if steering.shape[0] > 1 else 0], work.feet)
+        set_hub_offsets(car, steering[k if steering.shape[0] > 1 else 0], work.hub_offsets)
         px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
         status[k] = settle_contact(land, car, px, py, math.cos(yaw[k]), math.sin(yaw[k]), q[k], work)
         q[k, Z] += meta[META_Z]
@@ -142,9 +158,9 @@ def rest_batch(
 ) -> None:
     """Equilibrium mode. As `settle_batch`; report (n, equilibrium.R_SIZE) too."""
     buffer = np.empty(WORK_SIZE)
-    work, land, car, meta, q = lay_out(buffer), loan(ground), bare(rover), bare(ground[2]), bare(out)
+    work, land, car, meta, q = lay_out(buffer), borrow(ground), unowned_view(rover), unowned_view(ground[2]), unowned_view(out)
     for k in range(start, stop):
-        stand_feet(car, steering[k if steering.shape[0] > 1 else 0], work.feet)
+        set_hub_offsets(car, steering[k if steering.shape[0] > 1 else 0], work.hub_offsets)
         px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
         status[k] = settle_equilibrium(land, car, px, py, math.cos(yaw[k]), math.sin(yaw[k]), q[k], report[k], work)
         q[k, Z] += meta[META_Z]
@@ -172,12 +188,12 @@ def rest_left(
         start, stop: range of `left` that this call solves for.
     """
     buffer = np.empty(WORK_SIZE)
-    work, land, car, meta, q = lay_out(buffer), loan(ground), bare(rover), bare(ground[2]), bare(out)
+    work, land, car, meta, q = lay_out(buffer), borrow(ground), unowned_view(rover), unowned_view(ground[2]), unowned_view(out)
     for n in range(start, stop):
         k = left[n]
         if math.isnan(q[k, Z]):
             continue
-        stand_feet(car, steering[k if steering.shape[0] > 1 else 0], work.feet)
+        set_hub_offsets(car, steering[k if steering.shape[0] > 1 else 0], work.hub_offsets)
         px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
         q[k, Z] -= meta[META_Z]
         code = settle_from_pose(land, car, px, py, math.cos(yaw[k]), math.sin(yaw[k]), q[k], report[k], work)
@@ -188,11 +204,11 @@ def rest_left(
 
 
 @njit
-def flush(grid: Array, meta: Array, w: Array, best: Array) -> bool:
+def flush(grid: Array, meta: Array, w: Array, lowest: Array) -> bool:
     """Whether the tread lies along the ground over its whole width: then its middle stands for the contact."""
-    far = gap_at(grid, meta, w, best[SIN], best[COSINE], -best[PLACE])
-    middle = gap_at(grid, meta, w, best[SIN], best[COSINE], 0.0)
-    return max(far, middle) <= best[GAP] + 1e-9
+    far = gap_at(grid, meta, w, lowest[SIN], lowest[COSINE], -lowest[PLACE])
+    middle = gap_at(grid, meta, w, lowest[SIN], lowest[COSINE], 0.0)
+    return max(far, middle) <= lowest[GAP] + 1e-9
 
 
 @njit
@@ -204,11 +220,11 @@ def touch_batch(
 ) -> None:  # fmt: skip
     """How each wheel touches at given poses q (n, 6): gap, contact angle (n, 6), point, normal (n, 6, 3) in the world,
     and how many separate places of its tread are within `keep` of the ground (n, 6)."""
-    land = loan(ground)
+    land = borrow(ground)
     grid, _, meta = land
     buffer = np.empty(WORK_SIZE)
     work = lay_out(buffer)
-    best, found, wheels, local = work.best, work.found, work.wheels, work.step
+    lowest, contacts, wheels, local = work.lowest, work.contacts, work.wheels, work.step
     for k in range(start, stop):
         gap[k] = angle[k] = math.nan
         point[k] = normal[k] = math.nan
@@ -217,27 +233,29 @@ def touch_batch(
         local[Z] -= meta[META_Z]
         if math.isnan(local[Z]):
             continue
-        stand_feet(rover, steering[k if steering.shape[0] > 1 else 0], work.feet)
+        set_hub_offsets(rover, steering[k if steering.shape[0] > 1 else 0], work.hub_offsets)
         px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
-        if not stand(rover, work.feet, px, py, math.cos(yaw[k]), math.sin(yaw[k]), local, work.axes, work.knees, wheels):
+        if not forward_kinematics(
+            rover, work.hub_offsets, px, py, math.cos(yaw[k]), math.sin(yaw[k]), local, work.axes, work.pivots, wheels
+        ):
             continue
         for i in range(6):
             w = wheels[i]
-            code, kept = least_gap(land, w, 0.0, 1.0, 0.0, True, keep, best, found)
+            code, kept = least_gap(land, w, 0.0, 1.0, 0.0, True, keep, lowest, contacts)
             if code != FOUND:
                 continue
-            gap[k, i] = best[GAP]
-            if abs(best[PLACE]) == w[HALF] and flush(grid, meta, w, best):
-                best[PLACE] = 0.0
-            ox, oy, oz = tread_point(w, best[SIN], best[COSINE], best[PLACE])
+            gap[k, i] = lowest[GAP]
+            if abs(lowest[PLACE]) == w[HALF] and flush(grid, meta, w, lowest):
+                lowest[PLACE] = 0.0
+            ox, oy, oz = tread_point(w, lowest[SIN], lowest[COSINE], lowest[PLACE])
             point[k, i, 0] = w[HX] + ox + meta[META_X]
             point[k, i, 1] = w[HY] + oy + meta[META_Y]
             point[k, i, 2] = w[HZ] + oz + meta[META_Z]
-            gx, gy = contact_slope(grid, meta, w, best[SIN], best[COSINE], best[PLACE])
+            gx, gy = contact_slope(grid, meta, w, lowest[SIN], lowest[COSINE], lowest[PLACE])
             size = math.sqrt(1.0 + gx * gx + gy * gy)
             normal[k, i, 0], normal[k, i, 1], normal[k, i, 2] = -gx / size, -gy / size, 1.0 / size
-            angle[k, i] = contact_angle(w, best[SIN], best[COSINE], best[PLACE])
-            count[k, i] = patches(land, w, found, kept, keep)
+            angle[k, i] = contact_angle(w, lowest[SIN], lowest[COSINE], lowest[PLACE])
+            count[k, i] = patches(land, w, contacts, kept, keep)
     buffer[0] = 0.0
 
 
@@ -246,9 +264,9 @@ def clearance_batch(
     ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, q: Array, out: Array, start: int, stop: int
 ) -> None:
     """Least height of the body's box over the ground (n,) at poses q (n, 6)."""
-    land, meta = loan(ground), ground[2]
+    land, meta = borrow(ground), ground[2]
     axes_buffer, near_buffer = np.empty((3, 3)), np.empty((NEAR_ROOM, NEAR_SIZE))
-    axes, near, box = bare(axes_buffer), bare(near_buffer), bare(rover)[P_BOX : P_BOX + 6]
+    axes, near, box = unowned_view(axes_buffer), unowned_view(near_buffer), unowned_view(rover)[P_BOX : P_BOX + 6]
     for k in range(start, stop):
         out[k] = math.nan
         if not math.isnan(q[k, Z]):

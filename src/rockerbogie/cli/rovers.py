@@ -123,7 +123,7 @@ def import_(
         _check_ending(output, (".toml",))
         _write(output, lambda: output.write_text(to_toml(result.rover), encoding="utf-8"))
     if json:
-        print_json(_record(result.rover) | {key: getattr(result, key) for key in ("found", "guessed", "mended")})
+        print_json(_record(result.rover) | {key: getattr(result, key) for key in ("found", "guessed", "repaired")})
     else:
         print(result)
         if output is not None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..maps.files import cell_size
 from ..maps.style import CLASSES
-from ..motion.path_files import Plan
+from ..motion.path_files import Route
 from .charts import HALO, Bounds, plain_metres, scale_bar
 from .style import INK, figure, look
 
@@ -30,7 +30,7 @@ PALE = 0.7  # of that where a way is drawn over them
 _ANGLES = {"tilt": "tilt", "pitch": "pitch", "roll": "roll", "rocker": "rocker", "bogie": "bogie"}
 
 
-def terrain_map(maps: xr.Dataset, plan: Plan | None = None) -> Figure:
+def terrain_map(maps: xr.Dataset, plan: Route | None = None) -> Figure:
     """Cells coloured by the share of headings passable, over the shaded ground if it is there, with what it means beside.
 
     Args:
@@ -96,7 +96,7 @@ def _colours(maps: xr.Dataset, share: Array, paled: float) -> Array:
     return np.asarray(np.clip((1 - strength) * light + strength * colour * (0.45 + 0.7 * light), 0, 1))
 
 
-def _draw_way(ax: Axes, plan: Plan) -> list[Artist]:
+def _draw_way(ax: Axes, plan: Route) -> list[Artist]:
     """Draw it, and give what the legend shows of it."""
     ax.plot(plan.x, plan.y, color="white", lw=4.2, solid_capstyle="round", solid_joinstyle="round", zorder=4)
     said = f"least-cost way, {plan.distance[-1]:.4g} m"
@@ -114,7 +114,7 @@ def _north(ax: Axes) -> None:
     ax.text(0.96, 0.95, "N", transform=ax.transAxes, ha="center", va="bottom", fontweight="bold", path_effects=HALO, zorder=8)
 
 
-def _said(plan: Plan | None, maps: xr.Dataset) -> str:
+def _said(plan: Route | None, maps: xr.Dataset) -> str:
     cell = np.atleast_1d(maps.attrs["resolution"])
     asked = f"{maps.sizes['heading']} headings at each cell of {' x '.join(f'{side:.4g}' for side in cell)} m"
     if plan is None:

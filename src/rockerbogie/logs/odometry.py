@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RockerbogieError
-from ..motion.body_twist import Motion, Noise, body_twist
+from ..motion.body_twist import Motion, SensorNoise, body_twist
 from ..motion.jacobian import SimpleStance, contact_rows
 from ..rover.frames import body_transform, contact_frames, wheel_frames
 from ..rover.model import Rover
@@ -186,10 +186,10 @@ class _Sensors:
             readings,
         )
 
-    def noise(self, rover: Rover, slope: float) -> Noise:
+    def noise(self, rover: Rover, slope: float) -> SensorNoise:
         """What to trust at the speed of each interval, when contact angles are known to `slope` rad."""
         speed = np.median(np.abs(rover.wheel_radius * self.wheel_rates), axis=1, keepdims=True)
-        return Noise(
+        return SensorNoise(
             roll_slip=ROLL_SHARE * speed + LEAST_SLIP, side_slip=SIDE_SHARE * speed + LEAST_SLIP, lift=slope * speed + LEAST_SLIP
         )  # fmt: skip
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RockerbogieError
-from ..terrain.heightfield import Whole
+from ..terrain.heightfield import MapExtent
 
 Array = NDArray[np.float64]
 Span = tuple[int, int]  # first, one past the last
@@ -99,7 +99,7 @@ class Cells:
                 yield Tile((row, min(row + side, rows)), (col, min(col + side, cols)))
 
 
-def cells_over(ground: Whole, resolution: float | None, bounds: tuple[float, float, float, float] | None) -> Cells:
+def cells_over(ground: MapExtent, resolution: float | None, bounds: tuple[float, float, float, float] | None) -> Cells:
     """The cells of a map: every `resolution` m from the ground's first node on (None: the nodes themselves), or those of
     them whose centres lie within bounds (xmin, ymin, xmax, ymax).
 

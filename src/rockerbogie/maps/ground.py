@@ -10,11 +10,22 @@ from typing import Protocol
 
 import numpy as np
 
-from .._kernels.model.ground import META_BEND, META_STEEP, META_Z
+from .._kernels.model.ground import META_MAX_CURVATURE, META_STEEP, META_Z
 from ..errors import TerrainError
 from ..rover.model import Rover
 from ..terrain import spline
-from ..terrain.heightfield import Datum, Interpolation, Terrain, Whole, check_grid, cut, greatest_rises, lay, nodes_needed, slope
+from ..terrain.heightfield import (
+    Datum,
+    Interpolation,
+    MapExtent,
+    Terrain,
+    build_window,
+    check_grid,
+    crop,
+    greatest_rises,
+    nodes_needed,
+    slope,
+)
 from ..terrain.raster import Raster, open_raster
 
 Span = tuple[int, int]  # first, one past the last
@@ -28,7 +39,7 @@ class Ground(Protocol):
     """What a map is made over."""
 
     @property
-    def whole(self) -> Whole:
+    def whole(self) -> MapExtent:
         """Its outline."""
 
     def window(self, rows: Span, cols: Span) -> Terrain:
@@ -49,7 +60,7 @@ class InMemory:
     """A terrain."""
 
     terrain: Terrain  # or a window of it, where that was sent
-    whole: Whole
+    whole: MapExtent
 
     def window(self, rows: Span, cols: Span) -> Terrain:
         """All of it: that costs nothing."""
@@ -61,7 +72,7 @@ class InMemory:
 
     def sent(self, rows: Span, cols: Span) -> Ground:
         """The window, cut out."""
-        return InMemory(cut(self.terrain, rows, cols), self.whole)
+        return InMemory(crop(self.terrain, rows, cols), self.whole)
 
     def digest(self) -> str:
         """SHA-256 of its heights."""
@@ -73,7 +84,7 @@ class InFile:
     """A raster on disk. Nobody reads more of it at once than a window."""
 
     raster: Raster
-    whole: Whole
+    whole: MapExtent
     heights: str  # the digest
 
     def window(self, rows: Span, cols: Span) -> Terrain:
@@ -82,7 +93,7 @@ class InFile:
             nodes_needed(*span, count, self.whole.interpolation)
             for span, count in zip((rows, cols), self.whole.shape, strict=True)
         ]
-        return lay(self.raster.read(*needed), (needed[0][0], needed[1][0]), rows, cols, self.whole)
+        return build_window(self.raster.read(*needed), (needed[0][0], needed[1][0]), rows, cols, self.whole)
 
     def cost(self, rows: Span, cols: Span) -> int:
         """Its nodes."""
@@ -99,10 +110,10 @@ class InFile:
 
 def hold_ground(terrain: Terrain) -> InMemory:
     """The ground of a terrain."""
-    level, bend, steep = (float(terrain.meta[at]) for at in (META_Z, META_BEND, META_STEEP))
+    level, curvature, steep = (float(terrain.meta[at]) for at in (META_Z, META_MAX_CURVATURE, META_STEEP))
     rows, cols = terrain.z.shape
     outline = ((rows, cols), terrain.spacing, terrain.origin, terrain.interpolation, terrain.crs, terrain.name)
-    return InMemory(terrain, Whole(*outline, level, bend, steep))
+    return InMemory(terrain, MapExtent(*outline, level, curvature, steep))
 
 
 def open_ground(path: Path, band: int, interpolation: Interpolation) -> InFile:
@@ -129,13 +140,13 @@ def open_ground(path: Path, band: int, interpolation: Interpolation) -> InFile:
         before = z[-1:]
         holes |= not np.isfinite(z).all()
     level = datum.height()
-    bend = _bend(raster, level) if interpolation == "cubic" and not holes else math.inf
+    curvature = _curvature(raster, level) if interpolation == "cubic" and not holes else math.inf
     steep = slope(rises, raster.spacing) if interpolation == "linear" else math.inf
-    whole = Whole(*outline, interpolation, raster.crs, path.stem, level, bend, steep)
+    whole = MapExtent(*outline, interpolation, raster.crs, path.stem, level, curvature, steep)
     return InFile(raster, whole, digest.hexdigest())
 
 
-def _bend(raster: Raster, level: float) -> float:
+def _curvature(raster: Raster, level: float) -> float:
     """How much the spline of a file without holes bends at most."""
     greatest = [0.0, 0.0, 0.0]
     spans = [[(n, min(n + BLOCK, count)) for n in range(0, count, BLOCK)] for count in raster.shape]
@@ -145,7 +156,7 @@ def _bend(raster: Raster, level: float) -> float:
             z = raster.read(*needed) - level
             c = spline.coefficients(z, (needed[0][0], needed[1][0]), raster.shape, rows, cols)
             greatest = [max(pair) for pair in zip(greatest, spline.greatest_differences(c), strict=True)]
-    return spline.greatest_bend((greatest[0], greatest[1], greatest[2]), raster.spacing)
+    return spline.greatest_curvature((greatest[0], greatest[1], greatest[2]), raster.spacing)
 
 
 def reach(rover: Rover) -> float:

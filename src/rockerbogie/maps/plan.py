@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import PathError, RockerbogieError, RoverError, expect
-from ..motion.path_files import Plan
+from ..motion.path_files import Route
 from ..rover.formats import load_rover
 from ..rover.model import LOAD_ROVER, Rover
 from .files import cell_size, read_map
@@ -50,7 +50,7 @@ def plan(
     turn_cost: float = 1.0,
     turn_in_place: bool | None = None,
     backward: bool = False,
-) -> Plan:
+) -> Route:
     """The least-cost way over a map from `start` to `goal`, cell by cell and heading by heading.
 
     A state is a cell and one of the map's headings, passable where no limit is exceeded. The rover goes on to the cell
@@ -202,7 +202,7 @@ def _no_way(
     )
 
 
-def _plan_of(layers: _Layers, states: list[State], cost: Array) -> Plan:
+def _plan_of(layers: _Layers, states: list[State], cost: Array) -> Route:
     """The poses of a way through states; an arc has one more, at its corner, facing halfway."""
     k, row, col = (np.array(v) for v in zip(*states, strict=True))
     x, y, heading = layers.x[col], layers.y[row], np.unwrap(layers.heading[k])
@@ -218,7 +218,7 @@ def _plan_of(layers: _Layers, states: list[State], cost: Array) -> Plan:
         poses.append((x[n], y[n], heading[n], cost[n], tilt[n]))
     px, py, facing, price, lean = np.array(poses).T
     distance = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(px), np.diff(py)))])
-    return Plan(px, py, facing, distance, price, lean, layers.crs, layers.rover)
+    return Route(px, py, facing, distance, price, lean, layers.crs, layers.rover)
 
 
 def _corner(layers: _Layers, left: State, reached: State) -> tuple[int, int]:

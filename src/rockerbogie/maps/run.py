@@ -162,7 +162,9 @@ def _remote(job: Job, ground: Ground, chunk: list[Tile], store: Path, expected: 
     """`make` on a worker. What goes wrong with files is given back, as what is raised fills the screen with its traceback."""
     if isinstance(ground, InMemory):  # kernels are compiled for arrays that can be written to; those off the wire cannot
         t = ground.terrain
-        ground = InMemory(replace(t, grid=np.array(t.grid), roof=np.array(t.roof), meta=np.array(t.meta)), ground.whole)
+        ground = InMemory(
+            replace(t, grid=np.array(t.grid), upper_bound=np.array(t.upper_bound), meta=np.array(t.meta)), ground.whole
+        )
     try:
         if numerics() != expected:
             raise RockerbogieError("a worker runs another version of rockerbogie, whose numbers may differ: give all the same")

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import RockerbogieError
 from ..rover.model import Rover
-from .jacobian import Stance, batch_shape, contact_rows, reading
+from .jacobian import ContactState, batch_shape, contact_rows, reading
 
 Array = NDArray[np.float64]
 
@@ -17,7 +17,7 @@ UNKNOWNS = 9  # twist, rocker rate, bogie rates
 
 
 @dataclass(frozen=True)
-class Noise:
+class SensorNoise:
     """How far each reading is trusted: standard deviations, numbers or arrays that broadcast with the reading."""
 
     roll_slip: ArrayLike = 5e-3  # m/s: wheels slip
@@ -26,6 +26,10 @@ class Noise:
     joint_rate: ArrayLike = 1e-3  # rad/s, rocker and bogies
     gyro: ArrayLike = 1e-4  # rad/s
     inclinometer: ArrayLike = 1e-2  # rad/s
+
+
+#: Old name of `SensorNoise`.
+Noise = SensorNoise
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +45,7 @@ class Motion:
 
 def body_twist(
     rover: Rover,
-    pose: Stance,
+    pose: ContactState,
     *,
     wheel_rates: ArrayLike | None = None,
     rocker_rate: ArrayLike | None = None,
@@ -51,7 +55,7 @@ def body_twist(
     inclinometer_rates: ArrayLike | None = None,
     steering: ArrayLike | None = None,
     expected_slip: ArrayLike | None = None,
-    noise: Noise | None = None,
+    noise: SensorNoise | None = None,
 ) -> Motion:
     """The body's twist from any of its sensors, by weighted least squares over the contacts of six wheels.
 
@@ -74,7 +78,7 @@ def body_twist(
         RockerbogieError: a reading whose shape does not fit, or that is infinite.
     """
     readings: dict[str, tuple[Array, Array]] = {}
-    noise = noise or Noise()
+    noise = noise or SensorNoise()
     if rocker_rate is not None:
         readings["rocker_rate"] = _direct(reading("rocker_rate", rocker_rate)[..., None], [6], noise.joint_rate)
     if bogie_rates is not None:
@@ -123,7 +127,7 @@ def _direct(value: Array, columns: list[int], sigma: ArrayLike) -> tuple[Array, 
     return _equations(np.broadcast_to(row, (*value.shape[:-1], *row.shape)), value, np.zeros(1), sigma)
 
 
-def _leaning(pose: Stance, rates: Array, sigma: ArrayLike) -> tuple[Array, Array]:
+def _leaning(pose: ContactState, rates: Array, sigma: ArrayLike) -> tuple[Array, Array]:
     """Whitened equations of the rates of roll and pitch, which eq. 10 makes of the angular velocity."""
     if not (hasattr(pose, "roll") and hasattr(pose, "pitch")) or callable(pose.roll):  # a Dataset's roll is its method
         raise RockerbogieError("inclinometer_rates need to know how the body leans: give a pose that has roll and pitch")

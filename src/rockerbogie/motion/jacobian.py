@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._kernels.jit.decorators import spread
+from .._kernels.jit.decorators import parallel_for
 from .._kernels.model import jacobians as kernel
 from ..arrays import flat, flat_steering, spanned
 from ..errors import RockerbogieError
@@ -39,7 +39,7 @@ ROW_NAMES = ("roll_slip", "side_slip", "lift", "turn_slip", "pitch")
 ROW_COLUMNS = ("vx", "vy", "vz", "wx", "wy", "wz", "rocker", "bogie_left", "bogie_right", "steering")
 
 
-class Stance(Protocol):
+class ContactState(Protocol):
     """What motion needs to know of a pose. `rockerbogie.Pose` is one."""
 
     @property
@@ -55,6 +55,10 @@ class Stance(Protocol):
         """(..., 6) δ, rad."""
 
 
+#: Old name of `ContactState`.
+Stance = ContactState
+
+
 @dataclass(frozen=True, eq=False)
 class SimpleStance:
     """Angles of a rover whose ground is not known: rocker (...), bogie (..., 2), contact and steering (..., 6), rad."""
@@ -68,7 +72,7 @@ class SimpleStance:
     normal: Array | None = None  # (..., 6, 3) of the ground in the body frame, where it is thought to be other than the rim's
 
 
-def stance_angles(rover: Rover, pose: Stance, steering: ArrayLike | None) -> tuple[Array, Array, Array, Array]:
+def stance_angles(rover: Rover, pose: ContactState, steering: ArrayLike | None) -> tuple[Array, Array, Array, Array]:
     """Rocker (...), bogie (..., 2), steering and contact angles (..., 6), broadcast together, rad.
 
     Steering that is not given is the pose's own, or straight ahead where it has none.
@@ -85,7 +89,7 @@ def stance_angles(rover: Rover, pose: Stance, steering: ArrayLike | None) -> tup
 
 def wheel_jacobians(
     rover: Rover,
-    pose: Stance,
+    pose: ContactState,
     steering: ArrayLike | None = None,
     *,
     out: Array | None = None,
@@ -114,7 +118,7 @@ def wheel_jacobians(
     J = np.empty((*q.shape, 6, 6, 9)) if out is None else _given("out", out, (*q.shape, 6, 6, 9))
     T = np.empty((0, 6, 4, 4)) if frames is None else _given("frames", frames, (*q.shape, 6, 4, 4))
     angles = (flat(q), flat(b, 2), flat_steering(s), flat(delta, 6))
-    spread(kernel.wheel_jacobians_batch, q.size, rover.packed, rover.steers, *angles, flat(J, 6, 6, 9), flat(T, 6, 4, 4))
+    parallel_for(kernel.wheel_jacobians_batch, q.size, rover.packed, rover.steers, *angles, flat(J, 6, 6, 9), flat(T, 6, 4, 4))
     return J
 
 
@@ -126,7 +130,7 @@ def _given(name: str, array: Array, shape: tuple[int, ...]) -> Array:
     return array
 
 
-def system_jacobian(rover: Rover, pose: Stance, steering: ArrayLike | None = None) -> Array:
+def system_jacobian(rover: Rover, pose: ContactState, steering: ArrayLike | None = None) -> Array:
     """S (..., 36, 39): the six of eq. 9 stacked, (I, I, I, I, I, I)ᵀ · twist = S · rates.
 
     Columns are `SYSTEM_COLUMNS`; the suspension's three rates are shared, the other six belong to one wheel each.
@@ -140,7 +144,7 @@ def system_jacobian(rover: Rover, pose: Stance, steering: ArrayLike | None = Non
     return S
 
 
-def contact_rows(rover: Rover, pose: Stance, steering: ArrayLike | None = None) -> Array:
+def contact_rows(rover: Rover, pose: ContactState, steering: ArrayLike | None = None) -> Array:
     """Rows (..., 6, 5, 10) of each wheel's contact as a point of a rigid wheel whose motor holds still.
 
     Rows are `ROW_NAMES`, columns `ROW_COLUMNS`. A motor at rate ω takes rω from the roll slip; the rest stands. Unlike

@@ -23,7 +23,7 @@ COLUMNS = {"x": "m", "y": "m", "yaw": "rad", "distance": "m", "cost": "m", "tilt
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class Route:
     """The least-cost way over a map: n poses, SI and radians. Turning on the spot, poses share their place.
 
     `str(plan)` says in a line what it is.
@@ -97,6 +97,10 @@ class Plan:
             FilePath(file).write_text(json.dumps(layer) + "\n", encoding="utf-8")
         except OSError as error:
             raise RockerbogieError(f"cannot write {str(file)!r}: {error.strerror}") from None
+
+
+#: Old name of `Route`.
+Plan = Route
 
 
 def read_route(file: str | FilePath, radius: float = 1.0) -> Path:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..rover.model import Rover
-from .jacobian import Stance, batch_shape, contact_rows, ground_rates, reading
+from .jacobian import ContactState, batch_shape, contact_rows, ground_rates, reading
 
 Array = NDArray[np.float64]
 
@@ -27,7 +27,7 @@ class Slip:
 
 def wheel_slip(
     rover: Rover,
-    pose: Stance,
+    pose: ContactState,
     twist: ArrayLike,
     wheel_rates: ArrayLike,
     *,

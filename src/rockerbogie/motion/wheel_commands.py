@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import RockerbogieError
 from ..rover.model import Rover
-from .jacobian import Stance, contact_rows
+from .jacobian import ContactState, contact_rows
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -38,7 +38,7 @@ class Commands:
 
 def wheel_commands(
     rover: Rover,
-    pose: Stance,
+    pose: ContactState,
     twist: ArrayLike,
     *,
     steering: ArrayLike | None = None,
@@ -171,7 +171,7 @@ def _on_the_ground(rows: Array, wanted: Array) -> Array:
     return motion
 
 
-def _steer(rover: Rover, pose: Stance, wanted: Array) -> Array:
+def _steer(rover: Rover, pose: ContactState, wanted: Array) -> Array:
     """Steering (..., 6) at which no steered wheel slips sideways; a wheel that stands still keeps straight ahead."""
     turn = np.zeros(6)
     for _ in range(ITERATIONS):

@@ -247,7 +247,7 @@ class Rover:
             p[at : at + flat.size] = flat
 
         put(linkage.P_PIVOT, self.rocker_pivot)
-        put(linkage.P_KNEE, self.bogie_pivot - self.rocker_pivot)
+        put(linkage.P_BOGIE_PIVOT, self.bogie_pivot - self.rocker_pivot)
         put(linkage.P_HUB, self.hubs - parent)
         put(linkage.P_OFFSET, self.steering_offset)
         put(linkage.P_RADIUS, self.wheel_radius)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._kernels import batch
-from .._kernels.jit.decorators import spread
+from .._kernels.jit.decorators import parallel_for
 from .._kernels.solve import equilibrium
 from ..arrays import flat, flat_steering
 from ..errors import RockerbogieError
@@ -103,7 +103,7 @@ class Pose:
         n = self.status.size
         gap, angle, point, normal = (np.empty((n, 6, *tail)) for tail in ((), (), (3,), (3,)))
         count = np.empty((n, 6), dtype=np.int64)
-        spread(
+        parallel_for(
             batch.touch_batch,
             n,
             self.terrain.packed, self.rover.packed, *self._flat_places(), flat_steering(self.steering),
@@ -170,7 +170,7 @@ class Pose:
         """(...) least height of the body's box over the ground, m; nan past the map's rim."""
         n = self.status.size
         out = np.empty(n)
-        spread(
+        parallel_for(
             batch.clearance_batch,
             n,
             self.terrain.packed,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._kernels import batch
-from .._kernels.jit.decorators import spread
+from .._kernels.jit.decorators import parallel_for
 from .._kernels.solve import equilibrium
 from ..arrays import Array, flat, flat_steering, pieces, spanned
 from ..errors import RockerbogieError, expect
@@ -70,20 +70,20 @@ def settle(
         given, codes = (terrain.packed, rover.packed, *spots), status[at].reshape(-1)
         if report is None:
             if terrain.interpolation == "cubic":
-                spread(batch.settle_cubic, codes.size, *given, codes)
+                parallel_for(batch.settle_cubic, codes.size, *given, codes)
             else:
                 order = _by_heading(spots[2]) if rover.wheel_width.any() else np.arange(codes.size)
-                spread(batch.settle_linear, codes.size, *given, codes, order)
-            left = np.flatnonzero(codes == batch.LEFT)
+                parallel_for(batch.settle_linear, codes.size, *given, codes, order)
+            left = np.flatnonzero(codes == batch.UNSETTLED)
             if left.size > 0:
-                spread(batch.settle_left, left.size, *given, codes, left)
+                parallel_for(batch.settle_left, left.size, *given, codes, left)
         else:
             forces = report[at].reshape(-1, equilibrium.R_SIZE)
-            spread(batch.rest_batch, codes.size, *given, codes, forces)
+            parallel_for(batch.rest_batch, codes.size, *given, codes, forces)
             left = np.flatnonzero((codes == Status.TIPPED) | (codes == Status.NOT_CONVERGED))
             if left.size > 0:  # search again from the six-wheel pose
-                spread(batch.settle_left, left.size, *given, codes.copy(), left)
-                spread(batch.rest_left, left.size, *given, codes, forces, left)
+                parallel_for(batch.settle_left, left.size, *given, codes.copy(), left)
+                parallel_for(batch.rest_left, left.size, *given, codes, forces, left)
     return Pose(rover, terrain, px, py, heading, turn, q, status, report)
 
 

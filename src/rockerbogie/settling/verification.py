@@ -8,7 +8,7 @@ from types import EllipsisType
 import numpy as np
 from numpy.typing import NDArray
 
-from .._kernels.jit.decorators import spread
+from .._kernels.jit.decorators import parallel_for
 from .._kernels.model.ground import META_X, META_Y, META_Z
 from .._kernels.verify import gap, patch
 from ..arrays import Array, pieces
@@ -84,7 +84,7 @@ def verify(pose: Pose, *, tolerance: float = 1e-8, limit: int = LIMIT) -> Verifi
     boxes = np.empty((*shape, 7), dtype=np.int64)
     for at in pieces(shape, CHUNK):
         patches = _patches(pose, at)
-        spread(
+        parallel_for(
             gap.verify_batch,
             len(patches),
             pose.terrain.grid, pose.terrain.meta, patches, float(tolerance), int(limit),

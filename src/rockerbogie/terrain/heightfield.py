@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._kernels.jit.decorators import spread
+from .._kernels.jit.decorators import parallel_for
 from .._kernels.model import ground
 from ..errors import RockerbogieError, TerrainError
 from . import spline
@@ -39,7 +39,7 @@ class Terrain:
     crs: str | None
     name: str
     grid: Array  # what the kernels read: nodes, or spline coefficients with a ring around
-    roof: Array  # (rows, cols) nodes of a bilinear surface that the ground nowhere rises over
+    upper_bound: Array  # (rows, cols) nodes of a bilinear surface that the ground nowhere rises over
     meta: Array  # and where it lies: _kernels.ground.META_*
 
     @classmethod
@@ -91,8 +91,8 @@ class Terrain:
         check_grid(name, shape, size, first)
         datum = Datum(name, shape, size, first)
         datum.add(0, heights)
-        whole = Whole(shape, size, first, interpolation, crs, name, datum.height(), None)
-        return lay(heights, (0, 0), (0, shape[0]), (0, shape[1]), whole)
+        whole = MapExtent(shape, size, first, interpolation, crs, name, datum.height(), None)
+        return build_window(heights, (0, 0), (0, shape[0]), (0, shape[1]), whole)
 
     @classmethod
     def from_raster(
@@ -124,7 +124,7 @@ class Terrain:
     def packed(self) -> ground.Ground:
         """All that a kernel reads of the ground."""
         kind = ground.CubicGround if self.interpolation == "cubic" else ground.LinearGround
-        return kind(self.grid, self.roof, self.meta)
+        return kind(self.grid, self.upper_bound, self.meta)
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -167,11 +167,11 @@ class Terrain:
                 f"x and y of shapes {shapes} must be numbers that broadcast together, as x[None, :] and y[:, None] do: {error}"
             ) from None
         out = np.empty((px.size, 3))
-        spread(ground.surface_batch, px.size, self.packed, px.ravel(), py.ravel(), out)
+        parallel_for(ground.surface_batch, px.size, self.packed, px.ravel(), py.ravel(), out)
         return out.reshape(*px.shape, 3)
 
 
-class Whole(NamedTuple):
+class MapExtent(NamedTuple):
     """What a window must know of the map that it is part of."""
 
     shape: tuple[int, int]  # rows, cols
@@ -181,7 +181,7 @@ class Whole(NamedTuple):
     crs: str | None
     name: str
     level: float  # m, the reference height (`Datum`), subtracted so that -4,450 m does not cost the last digits
-    bend: float | None  # ground.META_BEND; None: to be found, as this is all of the map
+    curvature: float | None  # ground.META_BEND; None: to be found, as this is all of the map
     steep: float = np.inf  # ground.META_STEEP
 
 
@@ -286,31 +286,37 @@ def nodes_needed(start: int, stop: int, count: int, interpolation: Interpolation
     return spline.nodes_needed(max(start - 1, 0), min(stop + 1, count), count)
 
 
-def lay(heights: Array, first: tuple[int, int], rows: tuple[int, int], cols: tuple[int, int], whole: Whole) -> Terrain:
+def build_window(
+    heights: Array, first: tuple[int, int], rows: tuple[int, int], cols: tuple[int, int], whole: MapExtent
+) -> Terrain:
     """Ground of the nodes rows × cols (first, one past the last) of a map, out of its heights from node `first` on.
 
     To the last bit what the whole map has there. Whoever settles on a window keeps all of the rover well within it.
     """
     part = heights[rows[0] - first[0] : rows[1] - first[0], cols[0] - first[1] : cols[1] - first[1]]
-    bend = steep = np.inf
+    curvature = steep = np.inf
     if whole.interpolation == "linear":
-        grid = roof = np.ascontiguousarray(part - whole.level)
-        steep = slope(greatest_rises(part), whole.spacing) if whole.bend is None else whole.steep
+        grid = upper_bound = np.ascontiguousarray(part - whole.level)
+        steep = slope(greatest_rises(part), whole.spacing) if whole.curvature is None else whole.steep
     else:
         # a node more around, as the roof over a node leans on the four cells about it
         (r0, r1), (c0, c1) = ((max(a - 1, 0), min(b + 1, n)) for (a, b), n in zip((rows, cols), whole.shape, strict=True))
         c = spline.coefficients(heights - whole.level, first, whole.shape, (r0, r1), (c0, c1))
-        bend = spline.greatest_bend(spline.greatest_differences(c), whole.spacing) if whole.bend is None else whole.bend
+        curvature = (
+            spline.greatest_curvature(spline.greatest_differences(c), whole.spacing)
+            if whole.curvature is None
+            else whole.curvature
+        )
         grid = np.ascontiguousarray(c[rows[0] - r0 : rows[1] - r0 + 2, cols[0] - c0 : cols[1] - c0 + 2])
-        roof = np.ascontiguousarray(spline.roof(c)[rows[0] - r0 : rows[1] - r0, cols[0] - c0 : cols[1] - c0])
+        upper_bound = np.ascontiguousarray(spline.upper_bound(c)[rows[0] - r0 : rows[1] - r0, cols[0] - c0 : cols[1] - c0])
     (dx, dy), (x0, y0) = whole.spacing, whole.origin
     meta = np.zeros(ground.META_SIZE)
     meta[[ground.META_X, ground.META_Y, ground.META_Z, ground.META_DX, ground.META_DY]] = x0, y0, whole.level, dx, dy
     meta[[ground.META_NX, ground.META_NY, ground.META_ROW, ground.META_COL]] = *whole.shape[::-1], rows[0], cols[0]
-    meta[[ground.META_CUBIC, ground.META_BEND, ground.META_STEEP]] = whole.interpolation == "cubic", bend, steep
+    meta[[ground.META_CUBIC, ground.META_MAX_CURVATURE, ground.META_STEEP]] = whole.interpolation == "cubic", curvature, steep
     part.setflags(write=False)
     origin = (x0 + cols[0] * dx, y0 + rows[0] * dy)
-    return Terrain(part, whole.spacing, origin, whole.interpolation, whole.crs, whole.name, grid, roof, meta)
+    return Terrain(part, whole.spacing, origin, whole.interpolation, whole.crs, whole.name, grid, upper_bound, meta)
 
 
 def greatest_rises(z: Array, so_far: tuple[float, float] = (0.0, 0.0)) -> tuple[float, float]:
@@ -329,12 +335,12 @@ def slope(rises: tuple[float, float], spacing: tuple[float, float]) -> float:
     return steepest if np.isfinite(steepest) else np.inf
 
 
-def cut(terrain: Terrain, rows: tuple[int, int], cols: tuple[int, int]) -> Terrain:
-    """The window of nodes rows × cols (first, one past the last) of a whole terrain, as `lay` would make it."""
-    ring = terrain.grid.shape[0] - terrain.roof.shape[0]
+def crop(terrain: Terrain, rows: tuple[int, int], cols: tuple[int, int]) -> Terrain:
+    """The window of nodes rows × cols (first, one past the last) of a whole terrain, as `build_window` would make it."""
+    ring = terrain.grid.shape[0] - terrain.upper_bound.shape[0]
     grid = np.ascontiguousarray(terrain.grid[rows[0] : rows[1] + ring, cols[0] : cols[1] + ring])
-    z, roof = (np.ascontiguousarray(a[slice(*rows), slice(*cols)]) for a in (terrain.z, terrain.roof))
+    z, upper_bound = (np.ascontiguousarray(a[slice(*rows), slice(*cols)]) for a in (terrain.z, terrain.upper_bound))
     meta = terrain.meta.copy()
     meta[[ground.META_ROW, ground.META_COL]] = rows[0], cols[0]
     (dx, dy), (x0, y0) = terrain.spacing, terrain.origin
-    return replace(terrain, z=z, origin=(x0 + cols[0] * dx, y0 + rows[0] * dy), grid=grid, roof=roof, meta=meta)
+    return replace(terrain, z=z, origin=(x0 + cols[0] * dx, y0 + rows[0] * dy), grid=grid, upper_bound=upper_bound, meta=meta)

@@ -121,7 +121,7 @@ def greatest_differences(c: Array) -> tuple[float, float, float]:
     return xx, yy, xy
 
 
-def greatest_bend(differences: tuple[float, float, float], step: tuple[float, float]) -> float:
+def greatest_curvature(differences: tuple[float, float, float], step: tuple[float, float]) -> float:
     """A bound on the spline's second derivative along any direction: those of a spline lie within the second differences
     of its coefficients. inf where ground is missing."""
     xx, yy, xy = differences
@@ -129,7 +129,7 @@ def greatest_bend(differences: tuple[float, float, float], step: tuple[float, fl
     return bound if math.isfinite(bound) else math.inf
 
 
-def roof(c: Array) -> Array:
+def upper_bound(c: Array) -> Array:
     """Node heights (rows, cols) whose bilinear surface the spline of coefficients c (rows + 2, cols + 2) nowhere rises over.
 
     A cell's spline lies under its Bézier ordinates; by what these exceed the plane-like surface through the cell's

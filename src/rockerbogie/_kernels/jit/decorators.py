@@ -78,13 +78,13 @@ def njit(function: F) -> F:
     return made
 
 
-def fused(function: F) -> F:
+def fma_njit(function: F) -> F:
     """As `njit`; a product and the sum it goes into may be rounded once, together, where the machine can."""
     made: F = _compiled(function, nogil=True, fastmath={"contract"})
     return made
 
 
-def welded(function: F) -> F:
+def force_inlined(function: F) -> F:
     """Compile a kernel whose machine code goes into its caller's, where handing over its arguments would cost too much."""
     made: F = _compiled(function, nogil=True, forceinline=True)
     return made
@@ -99,7 +99,7 @@ def inlined(function: F) -> F:
 Maker = Callable[[type], Callable[..., Any]]
 
 
-def by_ground(function: Callable[..., Any]) -> Callable[[Maker], Maker]:
+def specialize_on_ground(function: Callable[..., Any]) -> Callable[[Maker], Maker]:
     """Compile calls of `function`, plain Python as it stands, as what is decorated makes for the type of its first argument,
     the ground: code for one kind of ground is not compiled for the other."""
 
@@ -116,24 +116,24 @@ def by_ground(function: Callable[..., Any]) -> Callable[[Maker], Maker]:
 
 
 #: Fewer items than this are one thread's work: waking others takes longer, on a busy machine by milliseconds.
-FEW = 512
+MIN_PARALLEL = 512
 #: Pieces of a batch are whole multiples of this: of whatever number of items a kernel takes together.
-ROUND = 64
+CHUNK_MULTIPLE = 64
 
 
-def spread(kernel: Callable[..., None], count: int, *args: Any) -> None:
+def parallel_for(kernel: Callable[..., None], count: int, *args: Any) -> None:
     """Run a batch kernel on items 0..count, in pieces handed to as many threads as numba may use (NUMBA_NUM_THREADS,
     `threads`).
 
     The kernel takes `args`, then the first item and the one after the last. Each item is worked out by itself, so the
     result is the same for any number of threads.
     """
-    if count <= FEW or numba.get_num_threads() == 1:
+    if count <= MIN_PARALLEL or numba.get_num_threads() == 1:
         kernel(*args, 0, count)
         return
     workers = int(numba.get_num_threads())
     kernel(*args, 0, 0)  # compiled or loaded before the threads would all wait for it
-    piece = min(max(-(-count // (8 * workers * ROUND)) * ROUND, FEW // 2), 1 << 16)
+    piece = min(max(-(-count // (8 * workers * CHUNK_MULTIPLE)) * CHUNK_MULTIPLE, MIN_PARALLEL // 2), 1 << 16)
     starts = iter(range(0, count, piece))  # one for all threads: to take the next is one step of the interpreter
 
     def work() -> None:

@@ -65,10 +65,10 @@ else:
 
         return array(array), codegen
 
-    bare = intrinsic(_bare)
+    unowned_view = intrinsic(_bare)
 
     def _window(typing_context: Any, array: Any, row: Any, col: Any) -> Any:
-        """A `bare` view (2 axes) that is indexed as the part of a larger array that begins at (row, col): its address is
+        """A `unowned_view` view (2 axes) that is indexed as the part of a larger array that begins at (row, col): its address is
         moved back by so much, so that the larger one's indices meet what they should. No index may go beside the part."""
 
         def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:

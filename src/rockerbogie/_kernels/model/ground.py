@@ -6,7 +6,7 @@ to every cell whose surface leans on it. Positions are from the map's first node
 
 A ground may be a window: part of a map, whose `META_ROW`, `META_COL` say which. Positions and indices stay the map's, so
 that what is worked out in a window is what the whole map gives, to the last bit. The loops over a batch borrow it by
-`loan`; whoever calls them sees to it that nothing they read lies outside the window.
+`borrow`; whoever calls them sees to it that nothing they read lies outside the window.
 """
 
 from __future__ import annotations
@@ -17,13 +17,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import by_ground, inlined, njit
-from ..jit.raw_views import bare, window
+from ..jit.decorators import inlined, njit, specialize_on_ground
+from ..jit.raw_views import unowned_view, window
 
-# META_BEND: no second derivative of the ground along any level direction is greater; inf where it has ridges or holes.
+# META_MAX_CURVATURE: no second derivative of the ground along any level direction is greater; inf where it has ridges or holes.
 # META_STEEP: bilinear ground is nowhere steeper; inf where that is not known.
 # META_ROW, META_COL: the node that the arrays begin at, 0 where they hold the whole map.
-META_X, META_Y, META_Z, META_DX, META_DY, META_NX, META_NY, META_CUBIC, META_BEND, META_ROW, META_COL, META_STEEP = range(12)
+META_X, META_Y, META_Z, META_DX, META_DY, META_NX, META_NY, META_CUBIC, META_MAX_CURVATURE, META_ROW, META_COL, META_STEEP = (
+    range(12)
+)
 META_SIZE = 12
 
 Array = NDArray[np.float64]
@@ -33,7 +35,7 @@ class CubicGround(NamedTuple):
     """Ground of two kinds has two types, so that kernels are compiled for one of them without the other's code."""
 
     grid: Array
-    roof: Array
+    upper_bound: Array
     meta: Array
 
 
@@ -41,23 +43,23 @@ class LinearGround(NamedTuple):
     """As `CubicGround`."""
 
     grid: Array
-    roof: Array
+    upper_bound: Array
     meta: Array
 
 
 Ground = CubicGround | LinearGround
 
 
-def loan(ground: Ground) -> Ground:
+def borrow(ground: Ground) -> Ground:
     """The ground's arrays by the map's indices, not counted as references to them."""
     return _loan_of(type(ground))(ground)
 
 
-@by_ground(loan)
+@specialize_on_ground(borrow)
 def _loan_of(kind: type) -> Any:
     def lend(ground: Ground) -> Ground:
         row, col = int(ground.meta[META_ROW]), int(ground.meta[META_COL])
-        return kind(window(ground.grid, row, col), window(ground.roof, row, col), bare(ground.meta))
+        return kind(window(ground.grid, row, col), window(ground.upper_bound, row, col), unowned_view(ground.meta))
 
     return lend
 
@@ -121,10 +123,10 @@ def surface(grid: Array, meta: Array, x: float, y: float) -> tuple[float, float,
         g0, g1, g2, g3 = grid[j + m, i], grid[j + m, i + 1], grid[j + m, i + 2], grid[j + m, i + 3]
         row = w0 * g0 + w1 * g1 + w2 * g2 + w3 * g3
         slope = s0 * g0 + s1 * g1 + s2 * g2 + s3 * g3
-        bend = c0 * g0 + c1 * g1 + c2 * g2 + c3 * g3
+        curvature = c0 * g0 + c1 * g1 + c2 * g2 + c3 * g3
         h0 += wy * row
         h1 += wy * slope
-        h2 += wy * bend
+        h2 += wy * curvature
         k0 += sy * row
         k1 += sy * slope
         l0 += cy * row
@@ -141,7 +143,7 @@ def surface_batch(
     stop: int,
 ) -> None:
     """Fill out (n, 3) with h, h_x, h_y at world points (n,), items start..stop; nan off the map."""
-    grid, _, meta = loan(ground)
+    grid, _, meta = borrow(ground)
     for k in range(start, stop):
         px = onto(x[k] - meta[META_X], meta[META_DX], meta[META_NX])
         py = onto(y[k] - meta[META_Y], meta[META_DY], meta[META_NY])

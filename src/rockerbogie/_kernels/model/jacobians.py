@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import fused, inlined
-from .linkage import P_HUB, P_KNEE, P_OFFSET, P_PIVOT, P_RADIUS, right_rocker
+from ..jit.decorators import fma_njit, inlined
+from .linkage import P_BOGIE_PIVOT, P_HUB, P_OFFSET, P_PIVOT, P_RADIUS, right_rocker
 from .sincos import FAR, sincos
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ def _near_zero(angle: float) -> float:
     return angle if not abs(angle) > FAR else math.atan2(math.sin(angle), math.cos(angle))
 
 
-@fused
+@fma_njit
 def wheel_jacobians_batch(
     rover: Array, steers: NDArray[np.bool_], rocker: Array, bogie: Array, steering: Array, contact: Array,
     J: Array, frames: Array, start: int, stop: int,
@@ -76,7 +76,11 @@ def wheel_jacobians_batch(
             for side in range(2):
                 rate = 1.0 if side == 0 else slope[lane]
                 px, py, pz = rover[P_PIVOT + 3 * side], rover[P_PIVOT + 3 * side + 1], rover[P_PIVOT + 3 * side + 2]
-                dx, dy, dz = rover[P_KNEE + 3 * side], rover[P_KNEE + 3 * side + 1], rover[P_KNEE + 3 * side + 2]
+                dx, dy, dz = (
+                    rover[P_BOGIE_PIVOT + 3 * side],
+                    rover[P_BOGIE_PIVOT + 3 * side + 1],
+                    rover[P_BOGIE_PIVOT + 3 * side + 2],
+                )
                 ca, sa = cosine[at + ARM + side], sine[at + ARM + side]
                 kx, ky, kz = px + ca * dx + sa * dz, py + dy, pz - sa * dx + ca * dz
                 cb, sb = cosine[at + HANG + side], sine[at + HANG + side]

@@ -10,14 +10,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import inlined, njit, welded
+from ..jit.decorators import force_inlined, inlined, njit
 from .wheel import make_wheel
 
 Array = NDArray[np.float64]
 
 # The packed rover, one flat array. Links are given from their own pivot, in the body's directions at rest.
 P_PIVOT = 0  # (2, 3) rocker pivots
-P_KNEE = 6  # (2, 3) bogie pivot from rocker pivot
+P_BOGIE_PIVOT = 6  # (2, 3) bogie pivot from rocker pivot
 P_HUB = 12  # (6, 3) hub from its rocker pivot (wheels 0, 1) or bogie pivot (2..5)
 P_OFFSET = 30  # (6, 2) steering axis from hub
 P_RADIUS = 42  # (6,)
@@ -47,15 +47,15 @@ def right_rocker(rover: Array, rho: float) -> tuple[float, float]:
 
 
 @njit
-def stand_feet(rover: Array, steering: Array, feet: Array) -> None:
+def set_hub_offsets(rover: Array, steering: Array, hub_offsets: Array) -> None:
     """What steering alone decides: feet (6, 5) is hub from its pivot in the link (3), and cos, sin of the steering angle."""
     for i in range(6):
         c, s = math.cos(steering[i]), math.sin(steering[i])
         ox, oy = rover[P_OFFSET + 2 * i], rover[P_OFFSET + 2 * i + 1]
-        feet[i, 0] = rover[P_HUB + 3 * i] + ox - (c * ox - s * oy)
-        feet[i, 1] = rover[P_HUB + 3 * i + 1] + oy - (s * ox + c * oy)
-        feet[i, 2] = rover[P_HUB + 3 * i + 2]
-        feet[i, 3], feet[i, 4] = c, s
+        hub_offsets[i, 0] = rover[P_HUB + 3 * i] + ox - (c * ox - s * oy)
+        hub_offsets[i, 1] = rover[P_HUB + 3 * i + 1] + oy - (s * ox + c * oy)
+        hub_offsets[i, 2] = rover[P_HUB + 3 * i + 2]
+        hub_offsets[i, 3], hub_offsets[i, 4] = c, s
 
 
 @njit
@@ -68,8 +68,17 @@ def body_axes(roll: float, pitch: float, cy: float, sy: float, axes: Array) -> N
 
 
 @njit
-def stand(
-    rover: Array, feet: Array, x: float, y: float, cy: float, sy: float, q: Array, axes: Array, knees: Array, wheels: Array
+def forward_kinematics(
+    rover: Array,
+    hub_offsets: Array,
+    x: float,
+    y: float,
+    cy: float,
+    sy: float,
+    q: Array,
+    axes: Array,
+    pivots: Array,
+    wheels: Array,
 ) -> bool:
     """Place the linkage: axes (3, 3), knees (4, 3) both rocker then both bogie pivots from the body's origin, wheels (6, :).
 
@@ -81,18 +90,18 @@ def stand(
     for side in range(2):
         arm = q[ROCKER] if side == 0 else qr
         px, py, pz = rover[P_PIVOT + 3 * side], rover[P_PIVOT + 3 * side + 1], rover[P_PIVOT + 3 * side + 2]
-        kx, ky, kz = rover[P_KNEE + 3 * side], rover[P_KNEE + 3 * side + 1], rover[P_KNEE + 3 * side + 2]
+        kx, ky, kz = rover[P_BOGIE_PIVOT + 3 * side], rover[P_BOGIE_PIVOT + 3 * side + 1], rover[P_BOGIE_PIVOT + 3 * side + 2]
         for n in range(3):
             ca, sa = math.cos(arm), math.sin(arm)
             lx, lz = axes[0, n] * ca - axes[2, n] * sa, axes[0, n] * sa + axes[2, n] * ca
-            knees[side, n] = axes[0, n] * px + axes[1, n] * py + axes[2, n] * pz
-            knees[2 + side, n] = knees[side, n] + lx * kx + axes[1, n] * ky + lz * kz
+            pivots[side, n] = axes[0, n] * px + axes[1, n] * py + axes[2, n] * pz
+            pivots[2 + side, n] = pivots[side, n] + lx * kx + axes[1, n] * ky + lz * kz
         for g in range(3):
             i = 2 * g + side
             angle = arm if g == 0 else arm + q[BOGIE_L + side]
             ct, st = math.cos(angle), math.sin(angle)
             base = side if g == 0 else 2 + side
-            c, s = feet[i, 3], feet[i, 4]
+            c, s = hub_offsets[i, 3], hub_offsets[i, 4]
             x_x, x_y, x_z = (
                 axes[0, 0] * ct - axes[2, 0] * st,
                 axes[0, 1] * ct - axes[2, 1] * st,
@@ -103,9 +112,9 @@ def stand(
                 axes[0, 1] * st + axes[2, 1] * ct,
                 axes[0, 2] * st + axes[2, 2] * ct,
             )
-            hx = knees[base, 0] + x_x * feet[i, 0] + axes[1, 0] * feet[i, 1] + z_x * feet[i, 2]
-            hy = knees[base, 1] + x_y * feet[i, 0] + axes[1, 1] * feet[i, 1] + z_y * feet[i, 2]
-            hz = knees[base, 2] + x_z * feet[i, 0] + axes[1, 2] * feet[i, 1] + z_z * feet[i, 2]
+            hx = pivots[base, 0] + x_x * hub_offsets[i, 0] + axes[1, 0] * hub_offsets[i, 1] + z_x * hub_offsets[i, 2]
+            hy = pivots[base, 1] + x_y * hub_offsets[i, 0] + axes[1, 1] * hub_offsets[i, 1] + z_y * hub_offsets[i, 2]
+            hz = pivots[base, 2] + x_z * hub_offsets[i, 0] + axes[1, 2] * hub_offsets[i, 1] + z_z * hub_offsets[i, 2]
             upright &= make_wheel(
                 wheels[i], x + hx, y + hy, q[Z] + hz,
                 axes[1, 0] * c - x_x * s, axes[1, 1] * c - x_y * s, axes[1, 2] * c - x_z * s,
@@ -114,9 +123,9 @@ def stand(
     return upright
 
 
-@welded
-def slope_row(
-    rover: Array, q: Array, cy: float, sy: float, axes: Array, knees: Array, i: int,
+@force_inlined
+def gap_jacobian_row(
+    rover: Array, q: Array, cy: float, sy: float, axes: Array, pivots: Array, i: int,
     px: float, py: float, pz: float, gx: float, gy: float, row: Array,
 ) -> None:  # fmt: skip
     """Fill row (6,) with the change of wheel i's gap per unit of each unknown; its contact (px, py, pz) is from the
@@ -128,11 +137,11 @@ def slope_row(
     row[ROLL] = -gx * (ay * pz - az * py) - gy * (az * px - ax * pz) + (ax * py - ay * px)
     row[PITCH] = -gx * (cy * pz) - gy * (sy * pz) - (sy * py + cy * px)
     ax, ay, az = axes[1, 0], axes[1, 1], axes[1, 2]
-    dx, dy, dz = px - knees[side, 0], py - knees[side, 1], pz - knees[side, 2]
+    dx, dy, dz = px - pivots[side, 0], py - pivots[side, 1], pz - pivots[side, 2]
     _, slope = right_rocker(rover, q[ROCKER])
     rate = 1.0 if side == 0 else slope
     row[ROCKER] = rate * (-gx * (ay * dz - az * dy) - gy * (az * dx - ax * dz) + (ax * dy - ay * dx))
     row[BOGIE_L] = row[BOGIE_R] = 0.0
     if i >= 2:
-        dx, dy, dz = px - knees[2 + side, 0], py - knees[2 + side, 1], pz - knees[2 + side, 2]
+        dx, dy, dz = px - pivots[2 + side, 0], py - pivots[2 + side, 1], pz - pivots[2 + side, 2]
         row[BOGIE_L + side] = -gx * (ay * dz - az * dy) - gy * (az * dx - ax * dz) + (ax * dy - ay * dx)

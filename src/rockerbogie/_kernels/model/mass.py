@@ -8,13 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit.decorators import njit
-from .linkage import P_BODY, P_BOGIE, P_ROCKER, P_WHEEL, ROCKER, right_rocker, slope_row
+from .linkage import P_BODY, P_BOGIE, P_ROCKER, P_WHEEL, ROCKER, gap_jacobian_row, right_rocker
 
 Array = NDArray[np.float64]
 
 
 @njit
-def centre_of_mass(rover: Array, feet: Array, q: Array, cy: float, sy: float, axes: Array, knees: Array, slope: Array) -> float:
+def centre_of_mass(
+    rover: Array, hub_offsets: Array, q: Array, cy: float, sy: float, axes: Array, pivots: Array, slope: Array
+) -> float:
     """Height of the centre of mass over the body's origin, and its change (6,) per unit of each unknown."""
     row = np.empty(6)
     slope[:] = 0.0
@@ -23,7 +25,7 @@ def centre_of_mass(rover: Array, feet: Array, q: Array, cy: float, sy: float, ax
     px = axes[0, 0] * a + axes[1, 0] * b + axes[2, 0] * c
     py = axes[0, 1] * a + axes[1, 1] * b + axes[2, 1] * c
     pz = axes[0, 2] * a + axes[1, 2] * b + axes[2, 2] * c
-    slope_row(rover, q, cy, sy, axes, knees, 0, px, py, pz, 0.0, 0.0, row)
+    gap_jacobian_row(rover, q, cy, sy, axes, pivots, 0, px, py, pz, 0.0, 0.0, row)
     total += m
     height += m * pz
     for k in range(3):
@@ -36,31 +38,31 @@ def centre_of_mass(rover: Array, feet: Array, q: Array, cy: float, sy: float, ax
             at = P_ROCKER + 4 * side if part == 0 else (P_BOGIE + 4 * side if part == 1 else P_WHEEL + 4 * i)
             m, a, b, c = rover[at], rover[at + 1], rover[at + 2], rover[at + 3]
             if part >= 2:  # a wheel's mass hangs in its link as its hub does; steering turns its offset with it
-                cs, sn = feet[i, 3], feet[i, 4]
-                a, b = feet[i, 0] + cs * a - sn * b, feet[i, 1] + sn * a + cs * b
-                c += feet[i, 2]
+                cs, sn = hub_offsets[i, 3], hub_offsets[i, 4]
+                a, b = hub_offsets[i, 0] + cs * a - sn * b, hub_offsets[i, 1] + sn * a + cs * b
+                c += hub_offsets[i, 2]
             angle = arm + q[4 + side] if i >= 2 else arm
             base = 2 + side if i >= 2 else side
             ct, st = math.cos(angle), math.sin(angle)
             px = (
-                knees[base, 0]
+                pivots[base, 0]
                 + (axes[0, 0] * ct - axes[2, 0] * st) * a
                 + axes[1, 0] * b
                 + (axes[0, 0] * st + axes[2, 0] * ct) * c
             )
             py = (
-                knees[base, 1]
+                pivots[base, 1]
                 + (axes[0, 1] * ct - axes[2, 1] * st) * a
                 + axes[1, 1] * b
                 + (axes[0, 1] * st + axes[2, 1] * ct) * c
             )
             pz = (
-                knees[base, 2]
+                pivots[base, 2]
                 + (axes[0, 2] * ct - axes[2, 2] * st) * a
                 + axes[1, 2] * b
                 + (axes[0, 2] * st + axes[2, 2] * ct) * c
             )
-            slope_row(rover, q, cy, sy, axes, knees, i, px, py, pz, 0.0, 0.0, row)
+            gap_jacobian_row(rover, q, cy, sy, axes, pivots, i, px, py, pz, 0.0, 0.0, row)
             total += m
             height += m * pz
             for k in range(6):

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import fused, inlined
+from ..jit.decorators import fma_njit, inlined
 
 Array = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ def sine_cosine(a: float) -> tuple[float, float]:
     return flip * ((1.0 - swap) * s + swap * c), flip * (1.0 - 2.0 * swap) * ((1.0 - swap) * c + swap * s)
 
 
-@fused
+@fma_njit
 def sincos(angle: Array, count: int, sine: Array, cosine: Array) -> None:
     """Fill sine and cosine (count,) of angle (count,), rad: `sine_cosine`."""
     for k in range(count):

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ..jit.decorators import inlined, njit
 from .ground import META_CUBIC, surface
+from .tolerances import CONTACT_TIE
 
 Array = NDArray[np.float64]
 
@@ -32,9 +33,8 @@ WHEEL_SIZE = BOUND + ROW
 
 # A place on the tread: its gap to the ground, sin φ, cos φ, s.
 GAP, SIN, COSINE, PLACE = range(4)
-PLACE_SIZE = 4
+CONTACT_SIZE = 4
 
-TIE = 1e-13  # m
 BESIDE = 1e-4  # rad
 FLAT = 0.05  # cos τ below which a wheel lies on its side: no contact is sought
 
@@ -128,39 +128,41 @@ def gap_at(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s: fl
 
 
 @inlined
-def note(w: Array, best: Array, gap: float, sine: float, cosine: float, s: float, keep: float, found: Array, count: int) -> int:
+def keep_lower_contact(
+    w: Array, lowest: Array, gap: float, sine: float, cosine: float, s: float, keep: float, contacts: Array, count: int
+) -> int:
     """Hold a place as the best if it is, and keep it if its gap is below `keep`. Returns how many are kept."""
     # a contact does not jump between places that tie but for rounding; one right beside the best is the same, found better
-    beside = abs(sine - best[SIN]) + abs(cosine - best[COSINE]) < BESIDE and s == best[PLACE]
-    if gap < best[GAP] - TIE or (beside and gap < best[GAP] + TIE):
-        best[GAP], best[SIN], best[COSINE], best[PLACE] = gap, sine, cosine, s
-    if gap <= keep and found.shape[0] > 0:
-        spot = count if count < found.shape[0] else dispensable(w, found, gap, sine, cosine, s)
+    beside = abs(sine - lowest[SIN]) + abs(cosine - lowest[COSINE]) < BESIDE and s == lowest[PLACE]
+    if gap < lowest[GAP] - CONTACT_TIE or (beside and gap < lowest[GAP] + CONTACT_TIE):
+        lowest[GAP], lowest[SIN], lowest[COSINE], lowest[PLACE] = gap, sine, cosine, s
+    if gap <= keep and contacts.shape[0] > 0:
+        spot = count if count < contacts.shape[0] else dispensable(w, contacts, gap, sine, cosine, s)
         if spot >= 0:
-            found[spot, GAP], found[spot, SIN], found[spot, COSINE], found[spot, PLACE] = gap, sine, cosine, s
-        count = min(count + 1, found.shape[0])
+            contacts[spot, GAP], contacts[spot, SIN], contacts[spot, COSINE], contacts[spot, PLACE] = gap, sine, cosine, s
+        count = min(count + 1, contacts.shape[0])
     return count
 
 
 @njit
-def dispensable(w: Array, found: Array, gap: float, sine: float, cosine: float, s: float) -> int:
+def dispensable(w: Array, contacts: Array, gap: float, sine: float, cosine: float, s: float) -> int:
     """Which of the places found makes room for one more: of the two that lie closest to each other, the higher. -1 if that
     is the new one."""
-    n = found.shape[0]
+    n = contacts.shape[0]
     r = w[RADIUS]
     closest, spot = math.inf, -1
     for i in range(n):
-        apart = r * (abs(found[i, SIN] - sine) + abs(found[i, COSINE] - cosine)) + abs(found[i, PLACE] - s)
+        apart = r * (abs(contacts[i, SIN] - sine) + abs(contacts[i, COSINE] - cosine)) + abs(contacts[i, PLACE] - s)
         if apart < closest:
-            closest, spot = apart, (i if found[i, GAP] > gap else -1)
+            closest, spot = apart, (i if contacts[i, GAP] > gap else -1)
     if closest < 0.1 * r:  # two of one neighbourhood: which are the closest of all is no matter
         return spot
     for i in range(n):
         for j in range(i):
-            apart = r * (abs(found[i, SIN] - found[j, SIN]) + abs(found[i, COSINE] - found[j, COSINE]))
-            apart += abs(found[i, PLACE] - found[j, PLACE])
+            apart = r * (abs(contacts[i, SIN] - contacts[j, SIN]) + abs(contacts[i, COSINE] - contacts[j, COSINE]))
+            apart += abs(contacts[i, PLACE] - contacts[j, PLACE])
             if apart < closest:
-                closest, spot = apart, (i if found[i, GAP] > found[j, GAP] else j)
+                closest, spot = apart, (i if contacts[i, GAP] > contacts[j, GAP] else j)
     return spot
 
 

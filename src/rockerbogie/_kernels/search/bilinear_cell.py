@@ -11,7 +11,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import inlined, njit, welded
+from ..jit.decorators import force_inlined, inlined, njit
+from ..model.tolerances import CELL_MARGIN, GAP_TIE
 from ..model.wheel import (
     AX,
     AY,
@@ -34,21 +35,18 @@ from ..model.wheel import (
     UZ,
     VX,
     VY,
-    note,
+    keep_lower_contact,
     tread_point,
 )
 
 Array = NDArray[np.float64]
-
-HAIR = 1e-10  # of a cell: more than rounding, and nothing to the gap
-TIE = 1e-12  # m: a gap lower by less is not looked for
 
 
 @njit
 def search_flat_cell(
     w: Array, a: float, b: float, d: float, e: float, x0: float, y0: float, dx: float, dy: float,
     far_x: float, far_y: float, follow: bool,
-    best: Array, keep: float, found: Array, count: int,
+    lowest: Array, keep: float, contacts: Array, count: int,
 ) -> int:  # fmt: skip
     """Note the local minima of the gap over the cell whose low corner is (x0, y0) from the hub; corners a b / d e.
 
@@ -62,36 +60,36 @@ def search_flat_cell(
     x1, y1 = x0 + dx, y0 + dy
     top = max(max(a, b), max(d, e))
     half = w[HALF]
-    one_rim = half == 0.0 or (follow and abs(best[PLACE]) == half)
+    one_rim = half == 0.0 or (follow and abs(lowest[PLACE]) == half)
     if not one_rim:
         low = w[PLANE] + w[PLANE + 1] * x0 + w[PLANE + 2] * y0
         pa, pb, pd = low - a, low + w[PLANE + 1] * dx - b, low + w[PLANE + 2] * dy - d
         pe = low + w[PLANE + 1] * dx + w[PLANE + 2] * dy - e
-        limit = max(best[GAP] - TIE, keep)
+        limit = max(lowest[GAP] - GAP_TIE, keep)
         if min(pa, pb) < limit and abs(y0) <= far_y:
-            count = _edge(w, x0, y0, 1.0, 0.0, dx, a, sx, best, keep, found, count)
+            count = _edge(w, x0, y0, 1.0, 0.0, dx, a, sx, lowest, keep, contacts, count)
         if min(pa, pd) < limit and abs(x0) <= far_x:
-            count = _edge(w, x0, y0, 0.0, 1.0, dy, a, sy, best, keep, found, count)
+            count = _edge(w, x0, y0, 0.0, 1.0, dy, a, sy, lowest, keep, contacts, count)
         if min(pd, pe) < limit and abs(y1) <= far_y:
-            count = _edge(w, x0, y1, 1.0, 0.0, dx, d, (e - d) / dx, best, keep, found, count)
+            count = _edge(w, x0, y1, 1.0, 0.0, dx, d, (e - d) / dx, lowest, keep, contacts, count)
         if min(pb, pe) < limit and abs(x1) <= far_x:
-            count = _edge(w, x1, y0, 0.0, 1.0, dy, b, (e - b) / dy, best, keep, found, count)
-        count = _inside(w, x0, x1, y0, y1, best, keep, found, count)
+            count = _edge(w, x1, y0, 0.0, 1.0, dy, b, (e - b) / dy, lowest, keep, contacts, count)
+        count = _inside(w, x0, x1, y0, y1, lowest, keep, contacts, count)
         if follow:
             return count
-        if w[HZ] - half * abs(w[AZ]) - top < max(best[GAP], keep):
+        if w[HZ] - half * abs(w[AZ]) - top < max(lowest[GAP], keep):
             # ground as high as the axle: the tread's upper side, hollow from below, may come nearest it over a corner
-            count = _inside_tread(w, -1.0, x0, y0, a, best, keep, found, count)
-            count = _inside_tread(w, -1.0, x1, y0, b, best, keep, found, count)
-            count = _inside_tread(w, -1.0, x0, y1, d, best, keep, found, count)
-            count = _inside_tread(w, -1.0, x1, y1, e, best, keep, found, count)
+            count = _inside_tread(w, -1.0, x0, y0, a, lowest, keep, contacts, count)
+            count = _inside_tread(w, -1.0, x1, y0, b, lowest, keep, contacts, count)
+            count = _inside_tread(w, -1.0, x0, y1, d, lowest, keep, contacts, count)
+            count = _inside_tread(w, -1.0, x1, y1, e, lowest, keep, contacts, count)
     # a rim matters where it passes over the cell
     middle = (x0 + 0.5 * dx) * w[VX] + (y0 + 0.5 * dy) * w[VY]
-    near = 0.5 * (dx * abs(w[VX]) + dy * abs(w[VY])) + w[RADIUS] * abs(w[AZ]) + HAIR * (dx + dy)
+    near = 0.5 * (dx * abs(w[VX]) + dy * abs(w[VY])) + w[RADIUS] * abs(w[AZ]) + CELL_MARGIN * (dx + dy)
     for side in range(1 if one_rim else 2):
-        s = best[PLACE] if one_rim else (half if side == 0 else -half)
+        s = lowest[PLACE] if one_rim else (half if side == 0 else -half)
         if abs(s * w[COS] - middle) <= near:
-            count = _rim(w, s, x0, x1, y0, y1, top, best, keep, found, count)
+            count = _rim(w, s, x0, x1, y0, y1, top, lowest, keep, contacts, count)
     return count
 
 
@@ -127,7 +125,7 @@ def rim_over_cell(
                         n += 1
     ends[n, 0], ends[n, 1] = sign, 0.0
     # keep the pieces whose middle lies in the cell; a rim right on a grid line lies in both its cells, not in neither
-    slack = HAIR * (x1 - x0 + y1 - y0)
+    slack = CELL_MARGIN * (x1 - x0 + y1 - y0)
     pieces = 0
     ls, lc = ends[0, 0], ends[0, 1]
     for i in range(n):
@@ -161,10 +159,10 @@ def middle(ls: float, lc: float, rs: float, rc: float, sign: float) -> tuple[flo
     return s / size, c / size
 
 
-@welded
+@force_inlined
 def _rim(
     w: Array, s: float, x0: float, x1: float, y0: float, y1: float, top: float,
-    best: Array, keep: float, found: Array, count: int,
+    lowest: Array, keep: float, contacts: Array, count: int,
 ) -> int:  # fmt: skip
     """Local minima of the rim at s over the cell.
 
@@ -178,7 +176,7 @@ def _rim(
         max(2.0 * w[CELL + 3] * w[EX] * w[EY], 0.0) + abs(w[CELL + 3]) * lean * (3.0 + lean)
     )
     if hollow:
-        kept = _hollow_rim(w, s, x0, x1, y0, y1, best, keep, found, count)
+        kept = _hollow_rim(w, s, x0, x1, y0, y1, lowest, keep, contacts, count)
         hollow = kept >= 0
         count = max(count, kept)
     ends = ends_of(w)
@@ -186,19 +184,19 @@ def _rim(
         sign = 1.0 if half_turn == 0 else -1.0
         if hollow and sign > 0.0:
             continue
-        if sign < 0.0 and w[HZ] + s * w[AZ] - top >= max(best[GAP], keep):
+        if sign < 0.0 and w[HZ] + s * w[AZ] - top >= max(lowest[GAP], keep):
             break  # the rim's upper half stays above this ground
         n = rim_over_cell(w, s, x0, x1, y0, y1, sign, ends)
         for i in range(n):
             at = HALVES + 2 * i
             low, high = math.atan2(ends[at, 0], ends[at, 1]), math.atan2(ends[at + 1, 0], ends[at + 1, 1])
-            count = _arc(w, s, low, high if high >= low else high + 2.0 * math.pi, best, keep, found, count)
+            count = _arc(w, s, low, high if high >= low else high + 2.0 * math.pi, lowest, keep, contacts, count)
     return count
 
 
-@welded
+@force_inlined
 def _hollow_rim(
-    w: Array, s: float, x0: float, x1: float, y0: float, y1: float, best: Array, keep: float, found: Array, count: int
+    w: Array, s: float, x0: float, x1: float, y0: float, y1: float, lowest: Array, keep: float, contacts: Array, count: int
 ) -> int:
     """Local minima of the rim's lower half at s over the cell, where it is hollow over the cell's surface; -1 if Newton fails."""
     r = w[RADIUS]
@@ -222,12 +220,12 @@ def _hollow_rim(
             sine, cosine = math.copysign(1.0, sine), 0.0
     if math.isnan(least):
         return -1
-    if least >= max(best[GAP] + TIE, keep):
+    if least >= max(lowest[GAP] + GAP_TIE, keep):
         return count
-    slack = HAIR * (x1 - x0 + y1 - y0)
+    slack = CELL_MARGIN * (x1 - x0 + y1 - y0)
     x, y, _ = tread_point(w, sine, cosine, s)
     if x0 - slack <= x <= x1 + slack and y0 - slack <= y <= y1 + slack:
-        return note(w, best, least, sine, cosine, s, keep, found, count)
+        return keep_lower_contact(w, lowest, least, sine, cosine, s, keep, contacts, count)
     # where it crosses the cell's sides, and does not fall further on the way in
     for axis in range(2):
         a, k, shift = (w[EX], -w[UX], s * w[AX]) if axis == 0 else (w[EY], -w[UY], s * w[AY])
@@ -250,11 +248,11 @@ def _hollow_rim(
                     f, g, _ = _along(w, s, sine, cosine)
                     ahead = a * cosine - k * sine  # how the place across the side changes with φ
                     if (g if (ahead > 0.0) == (end == 0) else -g) >= 0.0:
-                        count = note(w, best, f, sine, cosine, s, keep, found, count)
+                        count = keep_lower_contact(w, lowest, f, sine, cosine, s, keep, contacts, count)
     return count
 
 
-@welded
+@force_inlined
 def _along(w: Array, s: float, sine: float, cosine: float) -> tuple[float, float, float]:
     """f, f', f'' along the rim: its height over the cell's ground."""
     r = w[RADIUS]
@@ -266,7 +264,7 @@ def _along(w: Array, s: float, sine: float, cosine: float) -> tuple[float, float
 
 
 @njit
-def _arc(w: Array, s: float, low: float, high: float, best: Array, keep: float, found: Array, count: int) -> int:
+def _arc(w: Array, s: float, low: float, high: float, lowest: Array, keep: float, contacts: Array, count: int) -> int:
     """Note every local minimum that can matter of the rim's height f over the cell's terrain on low <= φ <= high.
 
     f is a trigonometric polynomial of degree 2: f'' is a sinusoid of φ plus one of 2 φ, and the sum of their minima is a lower
@@ -276,7 +274,7 @@ def _arc(w: Array, s: float, low: float, high: float, best: Array, keep: float, 
         w: (WHEEL_SIZE,) wheel; CELL holds the cell's terrain.
         s: m, place of the rim along the axle.
         low, high: rad.
-        best, keep, found, count: as `note` takes them.
+        best, keep, found, count: as `keep_lower_contact` takes them.
 
     Returns:
         count, with the minima kept.
@@ -295,18 +293,18 @@ def _arc(w: Array, s: float, low: float, high: float, best: Array, keep: float, 
         slack = 0.5 * max(-curvature, 0.0) * length
         down, up = ga - slack, gb + slack  # slopes at a and b of f made convex: its tangents bound it from below
         if down >= 0.0:
-            count = note(w, best, fa, math.sin(a), math.cos(a), s, keep, found, count)
+            count = keep_lower_contact(w, lowest, fa, math.sin(a), math.cos(a), s, keep, contacts, count)
         elif up <= 0.0:
-            count = note(w, best, fb, math.sin(b), math.cos(b), s, keep, found, count)
-        elif fa + down * (fb - fa - up * length) / (down - up) < max(best[GAP] - TIE, keep):
+            count = keep_lower_contact(w, lowest, fb, math.sin(b), math.cos(b), s, keep, contacts, count)
+        elif fa + down * (fb - fa - up * length) / (down - up) < max(lowest[GAP] - GAP_TIE, keep):
             if curvature > 0.0:
-                count = _convex_arc(w, s, a, b, ga, gb, best, keep, found, count)
+                count = _convex_arc(w, s, a, b, ga, gb, lowest, keep, contacts, count)
             elif length > 1e-7:
                 b = 0.5 * (a + b)
                 continue
             else:
-                count = note(w, best, fa, math.sin(a), math.cos(a), s, keep, found, count)
-                count = note(w, best, fb, math.sin(b), math.cos(b), s, keep, found, count)
+                count = keep_lower_contact(w, lowest, fa, math.sin(a), math.cos(a), s, keep, contacts, count)
+                count = keep_lower_contact(w, lowest, fb, math.sin(b), math.cos(b), s, keep, contacts, count)
         a, fa, ga = b, fb, gb
         b = min(a + 2.0 * length, high)
     return count
@@ -329,7 +327,7 @@ def _least_of_wave(even: float, odd: float, a: float, b: float) -> float:
 
 @njit
 def _convex_arc(
-    w: Array, s: float, a: float, b: float, ga: float, gb: float, best: Array, keep: float, found: Array, count: int
+    w: Array, s: float, a: float, b: float, ga: float, gb: float, lowest: Array, keep: float, contacts: Array, count: int
 ) -> int:
     """Note the minimum of an arc whose height over the cell's terrain falls at a, rises at b and is convex between.
 
@@ -338,7 +336,7 @@ def _convex_arc(
         s: m, place of the rim along the axle.
         a, b: rad, the arc.
         ga, gb: m/rad, slopes at a and b.
-        best, keep, found, count: as `note` takes them.
+        best, keep, found, count: as `keep_lower_contact` takes them.
 
     Returns:
         count, with the minimum if it was kept.
@@ -358,13 +356,13 @@ def _convex_arc(
         t = new
         if done:
             break
-    return note(w, best, f, math.sin(t), math.cos(t), s, keep, found, count)
+    return keep_lower_contact(w, lowest, f, math.sin(t), math.cos(t), s, keep, contacts, count)
 
 
 @njit
 def _edge(
     w: Array, x: float, y: float, ex: float, ey: float, length: float, h0: float, rise: float,
-    best: Array, keep: float, found: Array, count: int,
+    lowest: Array, keep: float, contacts: Array, count: int,
 ) -> int:  # fmt: skip
     """Least of T - h on a straight ground edge from (x, y) along (ex, ey), its height h0 + rise t, inside the tread."""
     r = w[RADIUS]
@@ -376,11 +374,13 @@ def _edge(
     else:
         t = length if rise > dv * w[TAN] else 0.0
     t = min(max(t, 0.0), length)
-    return _inside_tread(w, 1.0, x + t * ex, y + t * ey, h0 + rise * t, best, keep, found, count)
+    return _inside_tread(w, 1.0, x + t * ex, y + t * ey, h0 + rise * t, lowest, keep, contacts, count)
 
 
 @njit
-def _inside_tread(w: Array, sign: float, x: float, y: float, h: float, best: Array, keep: float, found: Array, count: int) -> int:
+def _inside_tread(
+    w: Array, sign: float, x: float, y: float, h: float, lowest: Array, keep: float, contacts: Array, count: int
+) -> int:
     """Note the point of the tread's lower (sign 1) or upper side (-1) over (x, y), if there is one, above ground of height h."""
     r = w[RADIUS]
     u, v = x * w[EX] + y * w[EY], x * w[VX] + y * w[VY]
@@ -389,12 +389,12 @@ def _inside_tread(w: Array, sign: float, x: float, y: float, h: float, best: Arr
         q = sign * math.sqrt(square)
         s = (v - q * w[AZ]) / w[COS]
         if abs(s) <= w[HALF]:
-            return note(w, best, w[HZ] + v * w[TAN] - q / w[COS] - h, u / r, q / r, s, keep, found, count)
+            return keep_lower_contact(w, lowest, w[HZ] + v * w[TAN] - q / w[COS] - h, u / r, q / r, s, keep, contacts, count)
     return count
 
 
 @njit
-def _inside(w: Array, x0: float, x1: float, y0: float, y1: float, best: Array, keep: float, found: Array, count: int) -> int:
+def _inside(w: Array, x0: float, x1: float, y0: float, y1: float, lowest: Array, keep: float, contacts: Array, count: int) -> int:
     """Least of T - h inside a twisted cell: along the axle the ground must be hollow from above, h_vv < 0."""
     hvv = 2.0 * w[CELL + 3] * w[VX] * w[VY]
     if not hvv < -1e-9:
@@ -451,5 +451,5 @@ def _inside(w: Array, x0: float, x1: float, y0: float, y1: float, best: Array, k
                     break
             x, y = px * u + mx, py * u + my
             h = w[CELL] + w[CELL + 1] * x + w[CELL + 2] * y + w[CELL + 3] * x * y
-            count = _inside_tread(w, 1.0, x, y, h, best, keep, found, count)
+            count = _inside_tread(w, 1.0, x, y, h, lowest, keep, contacts, count)
     return count

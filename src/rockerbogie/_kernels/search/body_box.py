@@ -31,7 +31,9 @@ FINE = 1e-6  # of a cell: what is not decided by then is as near as makes no dif
 
 
 @njit
-def _take(near: Array, count: int, apart: float, gap: float, x: float, y: float, z: float, gx: float, gy: float) -> int:
+def _keep_lower_point(
+    near: Array, count: int, apart: float, gap: float, x: float, y: float, z: float, gx: float, gy: float
+) -> int:
     """Keep the lowest places, one for each neighbourhood."""
     spot = -1
     for k in range(count):
@@ -83,7 +85,7 @@ def box_over_ground(
         FOUND, OFF (the map ends under the box; nothing is listed) or BLANK (missing data under it; places over known cells are
         listed), and how many places are listed.
     """
-    grid, roof, meta = ground
+    grid, upper_bound, meta = ground
     bends = np.empty(BENDS_SIZE)
     low = np.empty(3)  # the box's lower corner in each of its own directions
     high = np.empty(3)
@@ -170,7 +172,7 @@ def box_over_ground(
                     continue
                 if max(abs(ox - mid_x) - half_x - far_x, abs(oy - mid_y) - half_y - far_y) > 0.0:
                     continue
-                r0, r1, r2, r3 = roof[j, i], roof[j, i + 1], roof[j + 1, i], roof[j + 1, i + 1]
+                r0, r1, r2, r3 = upper_bound[j, i], upper_bound[j, i + 1], upper_bound[j + 1, i], upper_bound[j + 1, i + 1]
                 # the cell as far as it lies under the box
                 west, east = max(ox - half_x, x_min), min(ox + half_x, x_max)
                 south, north = max(oy - half_y, y_min), min(oy + half_y, y_max)
@@ -209,9 +211,11 @@ def box_over_ground(
                         oz = c0 + gx * cx + gy * cy
                         gap = z + oz - grid[j + (corner >> 1), i + (corner & 1)]
                         if gap <= least_clearance(near, count, cap) + seek:
-                            count = _take(near, count, apart, gap, cx, cy, oz, gx, gy)
+                            count = _keep_lower_point(near, count, apart, gap, cx, cy, oz, gx, gy)
     if count == 0 and cap < math.inf:
-        count = _take(near, 0, apart, cap, cap_x, cap_y, cap_z, -axes[down, 0] / axes[down, 2], -axes[down, 1] / axes[down, 2])
+        count = _keep_lower_point(
+            near, 0, apart, cap, cap_x, cap_y, cap_z, -axes[down, 0] / axes[down, 2], -axes[down, 1] / axes[down, 2]
+        )
     return code, count
 
 
@@ -236,7 +240,7 @@ def _edge(
     Returns:
         How many the list holds; -1 less that if a part of the edge lies over missing data.
     """
-    grid, roof, meta = ground
+    grid, upper_bound, meta = ground
     dx, dy = meta[META_DX], meta[META_DY]
     t = 0.0
     known = True
@@ -255,7 +259,7 @@ def _edge(
         i = min(max(int(math.floor((x + sx + middle * ex) / dx)), 0), int(meta[META_NX]) - 2)
         j = min(max(int(math.floor((y + sy + middle * ey) / dy)), 0), int(meta[META_NY]) - 2)
         # over the roof the edge bends alike all along the piece
-        r0, r1, r2, r3 = roof[j, i], roof[j, i + 1], roof[j + 1, i], roof[j + 1, i + 1]
+        r0, r1, r2, r3 = upper_bound[j, i], upper_bound[j, i + 1], upper_bound[j + 1, i], upper_bound[j + 1, i + 1]
         u, v = (x + sx + t * ex) / dx - i, (y + sy + t * ey) / dy - j
         du, dv = (following - t) * ex / dx, (following - t) * ey / dy
         twist = r0 - r1 - r2 + r3
@@ -338,7 +342,7 @@ def _piece(
         if f <= limit:
             if t in (start, stop) and 0.0 < t < length:
                 gx, gy = _across_line(grid, meta, x, y, sx, sy, ex, ey, ez, t, 1e-9 * length)
-            count = _take(near, count, apart, f, sx + t * ex, sy + t * ey, sz + t * ez, gx, gy)
+            count = _keep_lower_point(near, count, apart, f, sx + t * ex, sy + t * ey, sz + t * ez, gx, gy)
         fa, ga, ax, ay = _on_edge(grid, meta, x, y, z, sx, sy, sz, ex, ey, ez, b, min(b + hair, stop))
         a = b
         b = min(a + 2.0 * span, stop)
@@ -399,7 +403,7 @@ def _face_over_cell(
                             oz = c0 + gx * px + gy * py
                             gap = z + oz - surface(grid, meta, x + px, y + py)[0]
                             if gap <= (limit if held <= 0 else min(limit, least_clearance(near, count, cap))):
-                                count = _take(near, count, apart, gap, px, py, oz, gx, gy)
+                                count = _keep_lower_point(near, count, apart, gap, px, py, oz, gx, gy)
         if split:
             level, i, j = level + 1, 2 * i, 2 * j
             rx, ry = 0.5 * rx, 0.5 * ry

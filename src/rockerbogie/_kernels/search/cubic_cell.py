@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit.decorators import inlined, njit
-from ..model.ground import META_BEND, META_DX, META_DY, surface
+from ..model.ground import META_DX, META_DY, META_MAX_CURVATURE, surface
+from ..model.tolerances import CELL_MARGIN, GAP_TIE
 from ..model.wheel import (  # fmt: skip
     AX,
     AY,
@@ -36,9 +37,9 @@ from ..model.wheel import (  # fmt: skip
     UZ,
     VX,
     VY,
-    note,
+    keep_lower_contact,
 )
-from .bilinear_cell import HAIR, HALVES, TIE, ends_of, rim_over_cell
+from .bilinear_cell import HALVES, ends_of, rim_over_cell
 
 Array = NDArray[np.float64]
 
@@ -97,7 +98,7 @@ def cell_bends(grid: Array, i: int, j: int, dx: float, dy: float, bends: Array) 
 @njit
 def search_curved_cell(
     grid: Array, meta: Array, w: Array, i: int, j: int, x0: float, x1: float, y0: float, y1: float,
-    best: Array, keep: float, found: Array, count: int,
+    lowest: Array, keep: float, contacts: Array, count: int,
 ) -> int:  # fmt: skip
     """Note the local minima of the gap over the part x0..x1, y0..y1 (from the hub) of cell (i, j); -1 if it is unknown."""
     bends, ends = w[BENDS : BENDS + BENDS_SIZE], ends_of(w)
@@ -105,18 +106,18 @@ def search_curved_cell(
         return -1
     half = w[HALF]
     if half > 0.0:
-        count = _inside(grid, meta, w, bends, 1.0, x0, x1, y0, y1, best, keep, found, count)
-        if not _upper_is_clear(grid, meta, w, -half if w[AZ] > 0.0 else half, i, j, max(best[GAP] - TIE, keep)):
-            count = _inside(grid, meta, w, bends, -1.0, x0, x1, y0, y1, best, keep, found, count)
+        count = _inside(grid, meta, w, bends, 1.0, x0, x1, y0, y1, lowest, keep, contacts, count)
+        if not _upper_is_clear(grid, meta, w, -half if w[AZ] > 0.0 else half, i, j, max(lowest[GAP] - GAP_TIE, keep)):
+            count = _inside(grid, meta, w, bends, -1.0, x0, x1, y0, y1, lowest, keep, contacts, count)
     across = 0.5 * (x0 + x1) * w[VX] + 0.5 * (y0 + y1) * w[VY]
-    near = 0.5 * ((x1 - x0) * abs(w[VX]) + (y1 - y0) * abs(w[VY])) + w[RADIUS] * abs(w[AZ]) + HAIR * (x1 - x0 + y1 - y0)
+    near = 0.5 * ((x1 - x0) * abs(w[VX]) + (y1 - y0) * abs(w[VY])) + w[RADIUS] * abs(w[AZ]) + CELL_MARGIN * (x1 - x0 + y1 - y0)
     for side in range(2 if half > 0.0 else 1):
         s = half if side == 0 else -half
         if abs(s * w[COS] - across) > near:
             continue
         for half_turn in range(2):
             sign = 1.0 if half_turn == 0 else -1.0
-            if sign < 0.0 and _upper_is_clear(grid, meta, w, s, i, j, max(best[GAP], keep)):
+            if sign < 0.0 and _upper_is_clear(grid, meta, w, s, i, j, max(lowest[GAP], keep)):
                 break
             n = rim_over_cell(w, s, x0, x1, y0, y1, sign, ends)
             for k in range(n):
@@ -125,7 +126,7 @@ def search_curved_cell(
                 high = math.atan2(ends[at + 1, 0], ends[at + 1, 1])
                 if high < low:
                     high += 2.0 * math.pi
-                count = _arc(grid, meta, w, bends, s, low, high, best, keep, found, count)
+                count = _arc(grid, meta, w, bends, s, low, high, lowest, keep, contacts, count)
     return count
 
 
@@ -150,12 +151,12 @@ def _along(grid: Array, meta: Array, w: Array, phi: float, s: float) -> tuple[fl
     tx, ty, tz = r * (cp * w[EX] + sp * w[UX]), r * (cp * w[EY] + sp * w[UY]), r * sp * w[UZ]
     nx, ny, nz = r * (-sp * w[EX] + cp * w[UX]), r * (-sp * w[EY] + cp * w[UY]), r * cp * w[UZ]
     h, gx, gy, hxx, hxy, hyy = surface(grid, meta, w[HX] + x, w[HY] + y)
-    bend = nz - gx * nx - gy * ny - hxx * tx * tx - 2.0 * hxy * tx * ty - hyy * ty * ty
-    return z - h, tz - gx * tx - gy * ty, bend, gx, gy
+    curvature = nz - gx * nx - gy * ny - hxx * tx * tx - 2.0 * hxy * tx * ty - hyy * ty * ty
+    return z - h, tz - gx * tx - gy * ty, curvature, gx, gy
 
 
 @njit
-def _least_bend(w: Array, bends: Array, gx: float, gy: float, a: float, b: float) -> float:
+def _least_curvature(w: Array, bends: Array, gx: float, gy: float, a: float, b: float) -> float:
     """f'' of the rim's height over the cell is nowhere less on a ≤ φ ≤ b; (gx, gy) is the ground's slope at a.
 
     f'' / r = A cos φ + B sin φ - r h(t, t), with A, B from the slope, which changes along the arc by the second derivatives.
@@ -178,7 +179,7 @@ def _least_bend(w: Array, bends: Array, gx: float, gy: float, a: float, b: float
 @njit
 def _arc(
     grid: Array, meta: Array, w: Array, bends: Array, s: float, low: float, high: float,
-    best: Array, keep: float, found: Array, count: int,
+    lowest: Array, keep: float, contacts: Array, count: int,
 ) -> int:  # fmt: skip
     """Every local minimum that can matter of the rim's height over the ground on low ≤ φ ≤ high, which lies in one cell.
 
@@ -190,22 +191,22 @@ def _arc(
     while a < high:
         fb, gb, _, next_gx, next_gy = _along(grid, meta, w, b, s)
         length = b - a
-        bend = _least_bend(w, bends, gx, gy, a, b)
-        slack = 0.5 * max(-bend, 0.0) * length
+        curvature = _least_curvature(w, bends, gx, gy, a, b)
+        slack = 0.5 * max(-curvature, 0.0) * length
         down, up = ga - slack, gb + slack  # slopes of f made hollow: its tangents at a and b bound it from below
         if down >= 0.0:
-            count = note(w, best, fa, math.sin(a), math.cos(a), s, keep, found, count)
+            count = keep_lower_contact(w, lowest, fa, math.sin(a), math.cos(a), s, keep, contacts, count)
         elif up <= 0.0:
-            count = note(w, best, fb, math.sin(b), math.cos(b), s, keep, found, count)
-        elif fa + down * (fb - fa - up * length) / (down - up) < max(best[GAP] - TIE, keep):
-            if bend > 0.0:
-                count = _hollow_arc(grid, meta, w, s, a, b, ga, gb, best, keep, found, count)
+            count = keep_lower_contact(w, lowest, fb, math.sin(b), math.cos(b), s, keep, contacts, count)
+        elif fa + down * (fb - fa - up * length) / (down - up) < max(lowest[GAP] - GAP_TIE, keep):
+            if curvature > 0.0:
+                count = _hollow_arc(grid, meta, w, s, a, b, ga, gb, lowest, keep, contacts, count)
             elif length > 1e-7:
                 b = 0.5 * (a + b)
                 continue
             else:
-                count = note(w, best, fa, math.sin(a), math.cos(a), s, keep, found, count)
-                count = note(w, best, fb, math.sin(b), math.cos(b), s, keep, found, count)
+                count = keep_lower_contact(w, lowest, fa, math.sin(a), math.cos(a), s, keep, contacts, count)
+                count = keep_lower_contact(w, lowest, fb, math.sin(b), math.cos(b), s, keep, contacts, count)
         a, fa, ga, gx, gy = b, fb, gb, next_gx, next_gy
         b = min(a + 2.0 * length, high)
     return count
@@ -214,7 +215,7 @@ def _arc(
 @njit
 def _hollow_arc(
     grid: Array, meta: Array, w: Array, s: float, a: float, b: float, ga: float, gb: float,
-    best: Array, keep: float, found: Array, count: int,
+    lowest: Array, keep: float, contacts: Array, count: int,
 ) -> int:  # fmt: skip
     """The one least place of an arc that falls at a, rises at b and is hollow between: Newton, bisection to fall back on."""
     t = a - ga * (b - a) / (gb - ga)
@@ -232,13 +233,13 @@ def _hollow_arc(
         t = new
         if done:
             break
-    return note(w, best, f, math.sin(t), math.cos(t), s, keep, found, count)
+    return keep_lower_contact(w, lowest, f, math.sin(t), math.cos(t), s, keep, contacts, count)
 
 
 @njit
 def _inside(
     grid: Array, meta: Array, w: Array, bends: Array, side: float, x0: float, x1: float, y0: float, y1: float,
-    best: Array, keep: float, found: Array, count: int,
+    lowest: Array, keep: float, contacts: Array, count: int,
 ) -> int:  # fmt: skip
     """Note the local minima of T - h inside the tread, over a part of a cubic cell.
 
@@ -253,7 +254,7 @@ def _inside(
         bends: (BENDS_SIZE,) bounds on the cell's derivatives (`cell_bends`).
         side: 1 for the tread's lower half, -1 for its upper half.
         x0, x1, y0, y1: the part, m from the hub; it lies in one cell.
-        best, keep, found, count: as `note` takes them.
+        best, keep, found, count: as `keep_lower_contact` takes them.
 
     Returns:
         count, with the minima kept.
@@ -314,17 +315,17 @@ def _inside(
                 slope_x, slope_y = lu * ex + w[TAN] * vx - gx, lu * ey + w[TAN] * vy - gy
                 bent = 0.5 * max(hxx + dxx, 0.0) * rx * rx + (abs(hxy) + dxy) * rx * ry + 0.5 * max(hyy + dyy, 0.0) * ry * ry
                 low += w[HZ] + v * w[TAN] - h - abs(slope_x) * rx - abs(slope_y) * ry - bent
-                if falls and low < max(best[GAP] - TIE, keep):
+                if falls and low < max(lowest[GAP] - GAP_TIE, keep):
                     f_vv, f_uv = -h_vv - d_vv, abs(h_uv) + d_uv
                     kept = -1
                     if f_uu > 0.0 and f_vv > 0.0 and f_uu * f_vv > f_uv * f_uv:
-                        kept = _convex_part(grid, meta, w, side, x, y, rx, ry, best, keep, found, count)
+                        kept = _convex_part(grid, meta, w, side, x, y, rx, ry, lowest, keep, contacts, count)
                     if kept >= 0:
                         count = kept
                     elif level < FINEST:
                         split = True
                     elif abs(u) < r:
-                        count = _note_inside(w, side, u, v, h, best, keep, found, count)
+                        count = _keep_lower_inside(w, side, u, v, h, lowest, keep, contacts, count)
         if split:
             level, i, j = level + 1, 2 * i, 2 * j
             rx, ry = 0.5 * rx, 0.5 * ry
@@ -358,7 +359,7 @@ def _bowl_slope(w: Array, u: float) -> float:
 @njit
 def _convex_part(
     grid: Array, meta: Array, w: Array, side: float, xm: float, ym: float, rx: float, ry: float,
-    best: Array, keep: float, found: Array, count: int,
+    lowest: Array, keep: float, contacts: Array, count: int,
 ) -> int:  # fmt: skip
     """Note the minimum of T - h over a part where it is convex, if it lies in the part and on the tread.
 
@@ -371,7 +372,7 @@ def _convex_part(
         w: (WHEEL_SIZE,) wheel.
         side: 1 for the tread's lower half, -1 for its upper half.
         xm, ym, rx, ry: middle and half sizes of the part, m from the hub.
-        best, keep, found, count: as `note` takes them.
+        best, keep, found, count: as `keep_lower_contact` takes them.
 
     Returns:
         count, or -1 if Newton did not converge: the part is to be quartered.
@@ -391,14 +392,14 @@ def _convex_part(
         fxx, fxy, fyy = t_uu * w[EX] * w[EX] - hxx, t_uu * w[EX] * w[EY] - hxy, t_uu * w[EY] * w[EY] - hyy
         # the tangent plane at (x, y) is a lower bound on the part
         low = w[HZ] + v * w[TAN] - side * q / w[COS] - h + fx * (xm - x) + fy * (ym - y) - abs(fx) * rx - abs(fy) * ry
-        if low >= max(best[GAP] - TIE, keep):
+        if low >= max(lowest[GAP] - GAP_TIE, keep):
             return count
         step_x, step_y, held = bounded_step(x - xm, y - ym, rx, ry, fx, fy, fxx, fxy, fyy)
         if held < 0:
             return -1
         if abs(fx * step_x + fy * step_y) < ARRIVED:
             # held at a side by a slope that may be rounding: no minimum to list, but a point of the tread all the same
-            return _note_inside(w, side, u, v, h, best, keep if held == 0 else -math.inf, found, count)
+            return _keep_lower_inside(w, side, u, v, h, lowest, keep if held == 0 else -math.inf, contacts, count)
         new_x, new_y = min(max(x + step_x, xm - rx), xm + rx), min(max(y + step_y, ym - ry), ym + ry)
         new_u = new_x * w[EX] + new_y * w[EY]
         if abs(new_u) > rim:  # towards the tread's end no more than half of what is left
@@ -439,7 +440,9 @@ def bounded_step(
 
 
 @inlined
-def _note_inside(w: Array, side: float, u: float, v: float, h: float, best: Array, keep: float, found: Array, count: int) -> int:
+def _keep_lower_inside(
+    w: Array, side: float, u: float, v: float, h: float, lowest: Array, keep: float, contacts: Array, count: int
+) -> int:
     """Note the tread's point over (u, v), if there is one.
 
     Args:
@@ -447,7 +450,7 @@ def _note_inside(w: Array, side: float, u: float, v: float, h: float, best: Arra
         side: 1 for the tread's lower half, -1 for its upper half.
         u, v: m from the hub along e1 and the axle's level direction.
         h: height of the terrain there, m.
-        best, keep, found, count: as `note` takes them.
+        best, keep, found, count: as `keep_lower_contact` takes them.
 
     Returns:
         count, with the point if it was kept.
@@ -456,13 +459,13 @@ def _note_inside(w: Array, side: float, u: float, v: float, h: float, best: Arra
     q = side * math.sqrt(r * r - u * u)
     s = (v - q * w[AZ]) / w[COS]
     if abs(s) <= w[HALF]:
-        count = note(w, best, w[HZ] + v * w[TAN] - q / w[COS] - h, u / r, q / r, s, keep, found, count)
+        count = keep_lower_contact(w, lowest, w[HZ] + v * w[TAN] - q / w[COS] - h, u / r, q / r, s, keep, contacts, count)
     return count
 
 
 @njit
-def follow_smooth(grid: Array, meta: Array, w: Array, sine: float, cosine: float, best: Array) -> bool:
-    """Fill `best` with the least gap of a thin disc, on terrain of less curvature than the disc, by Newton.
+def follow_smooth(grid: Array, meta: Array, w: Array, sine: float, cosine: float, lowest: Array) -> bool:
+    """Fill `lowest` with the least gap of a thin disc, on terrain of less curvature than the disc, by Newton.
 
     The rim has one local minimum, in its lower half, if e3z - grad h · e3xy > r B at each of its points, B the greatest curvature
     of the map (docs/design.md). Around the rim grad h · e3xy changes by at most 2 r B |az|: the slope at the contact decides.
@@ -477,20 +480,20 @@ def follow_smooth(grid: Array, meta: Array, w: Array, sine: float, cosine: float
         False if the condition does not hold or Newton does not converge: search instead.
     """
     r = w[RADIUS]
-    sharp = r * meta[META_BEND]
+    sharp = r * meta[META_MAX_CURVATURE]
     for _ in range(20):
         tx, ty, tz = r * (cosine * w[EX] + sine * w[UX]), r * (cosine * w[EY] + sine * w[UY]), r * sine * w[UZ]
         nx, ny, nz = r * (-sine * w[EX] + cosine * w[UX]), r * (-sine * w[EY] + cosine * w[UY]), r * cosine * w[UZ]
         h, gx, gy, hxx, hxy, hyy = surface(grid, meta, w[HX] - nx, w[HY] - ny)
         slope = tz - gx * tx - gy * ty
-        bend = nz - gx * nx - gy * ny - hxx * tx * tx - 2.0 * hxy * tx * ty - hyy * ty * ty
-        if not bend > 0.0:
+        curvature = nz - gx * nx - gy * ny - hxx * tx * tx - 2.0 * hxy * tx * ty - hyy * ty * ty
+        if not curvature > 0.0:
             return False
-        step = -slope / bend
+        step = -slope / curvature
         if abs(step) < 1e-6:  # what it would add to the gap is below rounding
-            best[GAP] = w[HZ] - nz - h + 0.5 * slope * step
+            lowest[GAP] = w[HZ] - nz - h + 0.5 * slope * step
             size = math.sqrt(1.0 + step * step)
-            best[SIN], best[COSINE], best[PLACE] = (sine + cosine * step) / size, (cosine - sine * step) / size, 0.0
+            lowest[SIN], lowest[COSINE], lowest[PLACE] = (sine + cosine * step) / size, (cosine - sine * step) / size, 0.0
             return cosine > 0.0 and w[UZ] - gx * w[UX] - gy * w[UY] > sharp * (1.0 + 2.0 * abs(w[AZ]))
         step = min(max(step, -0.5), 0.5)
         size = math.sqrt(1.0 + step * step)

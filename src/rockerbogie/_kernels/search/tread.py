@@ -1,7 +1,7 @@
 """The least height of one wheel's tread over the ground, over the whole tread.
 
 The ground's cells under the tread are bounded row by row: the tread's lower side T is convex, so it nowhere lies below
-its tangent planes, and the ground nowhere above its `roof`. Only a cell where the two leave room for a lower gap than
+its tangent planes, and the ground nowhere above its `upper_bound`. Only a cell where the two leave room for a lower gap than
 the best so far is searched, exactly (`bilinear_cell`, `cubic_cell`).
 """
 
@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import by_ground, inlined, njit
-from ..model.ground import META_BEND, META_DX, META_DY, META_NX, META_NY, CubicGround, Ground, on_map
+from ..jit.decorators import inlined, njit, specialize_on_ground
+from ..model.ground import META_DX, META_DY, META_MAX_CURVATURE, META_NX, META_NY, CubicGround, Ground, on_map
+from ..model.tolerances import CELL_MARGIN, GAP_TIE
 from ..model.wheel import (  # fmt: skip
     AX,
     AY,
@@ -43,7 +44,7 @@ from ..model.wheel import (  # fmt: skip
     gap_at,
     tread_point,
 )
-from .bilinear_cell import HAIR, TIE, search_flat_cell
+from .bilinear_cell import search_flat_cell
 from .cubic_cell import follow_smooth, search_curved_cell
 
 Array = NDArray[np.float64]
@@ -56,7 +57,7 @@ SMOOTH = 0.7  # curvature of the map times wheel radius: below this a thin disc 
 
 @njit
 def _bound_row(
-    roof: Array, j: int, i: int, n: int, dx: float, dy: float, far_x: float, far_y: float, w: Array
+    upper_bound: Array, j: int, i: int, n: int, dx: float, dy: float, far_x: float, far_y: float, w: Array
 ) -> None:  # fmt: skip
     """Fill BOUND: no gap over the cells i.. of row j, as far as they reach under the wheel (far_x, far_y from its hub), is
     lower; inf beside the tread, nan where the ground is unknown.
@@ -70,7 +71,7 @@ def _bound_row(
     over, over_x, over_y = 1.0 / w[COS], 1.0 / dx, 1.0 / dy
     edge = 0.98 * r
     square = r * r
-    hair = HAIR * (dx + dy)
+    hair = CELL_MARGIN * (dx + dy)
     reach_u, reach_v = r + hair, w[HALF] * w[COS] + r * abs(w[AZ]) + hair
     low_y = j * dy - w[HY]
     y0, y1 = max(low_y, -far_y), min(low_y + dy, far_y)
@@ -82,8 +83,8 @@ def _bound_row(
         x0, x1 = max(low_x, -far_x), min(low_x + dx, far_x)
         u0, u1 = (x0 - low_x) * over_x, (x1 - low_x) * over_x
         x, half_x = 0.5 * (x0 + x1), 0.5 * (x1 - x0)
-        left, right = roof[j, i + k], roof[j, i + k + 1]
-        up_left, up_right = roof[j + 1, i + k] - left, roof[j + 1, i + k + 1] - right
+        left, right = upper_bound[j, i + k], upper_bound[j, i + k + 1]
+        up_left, up_right = upper_bound[j + 1, i + k] - left, upper_bound[j + 1, i + k + 1] - right
         a, b, d, e = left + v0 * up_left, right + v0 * up_right, left + v1 * up_left, right + v1 * up_right
         a, b, d, e = a + u0 * (b - a), a + u1 * (b - a), d + u0 * (e - d), d + u1 * (e - d)
         u, v = x * ex + y * ey, x * vx + y * vy
@@ -112,7 +113,7 @@ def tangent_plane(w: Array, sine: float) -> None:
 
 def _search_curved(
     ground: Ground, w: Array, i: int, j: int, far_x: float, far_y: float, follow: bool, keep: float,
-    best: Array, found: Array, count: int,
+    lowest: Array, contacts: Array, count: int,
 ) -> int:  # fmt: skip
     """`_search_cell` on cubic ground."""
     grid, _, meta = ground
@@ -120,13 +121,13 @@ def _search_curved(
     x0, y0 = i * dx - w[HX], j * dy - w[HY]
     return search_curved_cell(
         grid, meta, w, i, j, max(x0, -far_x), min(x0 + dx, far_x), max(y0, -far_y), min(y0 + dy, far_y),
-        best, keep, found, count,
+        lowest, keep, contacts, count,
     )  # fmt: skip
 
 
 def _search_flat(
     ground: Ground, w: Array, i: int, j: int, far_x: float, far_y: float, follow: bool, keep: float,
-    best: Array, found: Array, count: int,
+    lowest: Array, contacts: Array, count: int,
 ) -> int:  # fmt: skip
     """`_search_cell` on linear ground."""
     grid, _, meta = ground
@@ -134,18 +135,20 @@ def _search_flat(
     a, b, d, e = grid[j, i], grid[j, i + 1], grid[j + 1, i], grid[j + 1, i + 1]
     if math.isnan(a + b + d + e):
         return -1
-    return search_flat_cell(w, a, b, d, e, i * dx - w[HX], j * dy - w[HY], dx, dy, far_x, far_y, follow, best, keep, found, count)
+    return search_flat_cell(
+        w, a, b, d, e, i * dx - w[HX], j * dy - w[HY], dx, dy, far_x, far_y, follow, lowest, keep, contacts, count
+    )
 
 
 def _search_cell(
     ground: Ground, w: Array, i: int, j: int, far_x: float, far_y: float, follow: bool, keep: float,
-    best: Array, found: Array, count: int,
+    lowest: Array, contacts: Array, count: int,
 ) -> int:  # fmt: skip
     """Note the local minima over the cell (i, j), within far_x, far_y of the hub; -1 if its ground is unknown."""
-    return _search_of(type(ground))(ground, w, i, j, far_x, far_y, follow, keep, best, found, count)
+    return _search_of(type(ground))(ground, w, i, j, far_x, far_y, follow, keep, lowest, contacts, count)
 
 
-@by_ground(_search_cell)
+@specialize_on_ground(_search_cell)
 def _search_of(kind: type) -> Any:
     return _search_curved if kind is CubicGround else _search_flat
 
@@ -159,8 +162,8 @@ def least_gap(
     s: float,
     whole: bool,
     keep: float,
-    best: Array,
-    found: Array,
+    lowest: Array,
+    contacts: Array,
 ) -> tuple[int, int]:
     """Search the whole tread of a wheel for its least gap, or track a contact in its cell.
 
@@ -179,7 +182,7 @@ def least_gap(
     Returns:
         FOUND, OFF (the map ends under the tread) or BLANK (missing data under it), and how many minima were kept.
     """
-    grid, roof, meta = ground
+    grid, upper_bound, meta = ground
     r, half = w[RADIUS], w[HALF]
     dx, dy = meta[META_DX], meta[META_DY]
     out_x = half * abs(w[AX]) + r * math.sqrt(w[EX] * w[EX] + w[UX] * w[UX])
@@ -188,22 +191,22 @@ def least_gap(
     if not (on_map(meta, w[HX] - out_x, w[HY] - out_y) and on_map(meta, w[HX] + out_x, w[HY] + out_y)):
         code = OFF
         if not (abs(w[HX]) < math.inf and abs(w[HY]) < math.inf):
-            best[GAP] = math.inf
+            lowest[GAP] = math.inf
             return OFF, 0
-    smooth = half == 0.0 and keep < 0.0 and r * meta[META_BEND] < SMOOTH
-    if smooth and code == FOUND and follow_smooth(grid, meta, w, sine, cosine, best):
+    smooth = half == 0.0 and keep < 0.0 and r * meta[META_MAX_CURVATURE] < SMOOTH
+    if smooth and code == FOUND and follow_smooth(grid, meta, w, sine, cosine, lowest):
         return FOUND, 0
     # following, the contact's own cell says all there is to know
-    best[GAP] = gap_at(grid, meta, w, sine, cosine, s) if whole else math.inf
-    best[SIN], best[COSINE], best[PLACE] = sine, cosine, s
-    if math.isnan(best[GAP]) or code == OFF:
-        best[GAP] = math.inf
+    lowest[GAP] = gap_at(grid, meta, w, sine, cosine, s) if whole else math.inf
+    lowest[SIN], lowest[COSINE], lowest[PLACE] = sine, cosine, s
+    if math.isnan(lowest[GAP]) or code == OFF:
+        lowest[GAP] = math.inf
     i0, j0, i1, j1 = 0, 0, int(meta[META_NX]) - 2, int(meta[META_NY]) - 2
     if whole:
         i0, i1 = cells_within(w[HX] - out_x, w[HX] + out_x, dx, i1)
         j0, j1 = cells_within(w[HY] - out_y, w[HY] + out_y, dy, j1)
         if i0 > i1 or j0 > j1:
-            best[GAP] = math.inf
+            lowest[GAP] = math.inf
             return OFF, 0
     # cells are searched where the wheel is, and a little beyond: a rim that only just reaches its own bounds would else be
     # lost to rounding
@@ -219,8 +222,8 @@ def least_gap(
     w[BOUND] = -math.inf
     while True:
         while k < n:
-            if not w[BOUND + k] >= max(best[GAP] - TIE, keep) and (first or j != wj or i + k != wi):
-                kept = _search_cell(ground, w, i + k, j, far_x, far_y, not whole, keep, best, found, count)
+            if not w[BOUND + k] >= max(lowest[GAP] - GAP_TIE, keep) and (first or j != wj or i + k != wi):
+                kept = _search_cell(ground, w, i + k, j, far_x, far_y, not whole, keep, lowest, contacts, count)
                 if kept >= 0:
                     count = kept
                 elif code == FOUND and _covers_cell(w, i + k, j, dx, dy):
@@ -231,7 +234,7 @@ def least_gap(
         if first:
             first = False
             j, i, n = j0, i0, 0
-            tangent_plane(w, best[SIN])
+            tangent_plane(w, lowest[SIN])
         else:
             i += n
             if i > i1:
@@ -241,12 +244,12 @@ def least_gap(
             break
         n = min(i1 - i + 1, ROW)
         k = 0
-        _bound_row(roof, j, i, n, dx, dy, far_x, far_y, w)
-    if best[GAP] == math.inf and not whole:
-        best[GAP] = gap_at(grid, meta, w, sine, cosine, s)
-        if math.isnan(best[GAP]):
-            best[GAP] = math.inf
-    if best[GAP] == math.inf and code == FOUND:
+        _bound_row(upper_bound, j, i, n, dx, dy, far_x, far_y, w)
+    if lowest[GAP] == math.inf and not whole:
+        lowest[GAP] = gap_at(grid, meta, w, sine, cosine, s)
+        if math.isnan(lowest[GAP]):
+            lowest[GAP] = math.inf
+    if lowest[GAP] == math.inf and code == FOUND:
         code = BLANK
     return code, count
 
@@ -280,7 +283,7 @@ def _covers_cell(w: Array, i: int, j: int, dx: float, dy: float) -> bool:
 
 
 @njit
-def patches(ground: Ground, w: Array, found: Array, count: int, keep: float) -> int:
+def patches(ground: Ground, w: Array, contacts: Array, count: int, keep: float) -> int:
     """Count the separate contacts of a tread.
 
     Two places are one contact if they are closer than `ONE` of the radius, or if the tread midway between them touches too.
@@ -296,13 +299,13 @@ def patches(ground: Ground, w: Array, found: Array, count: int, keep: float) -> 
     for i in range(count):
         fresh = True
         for j in range(i):
-            s, c = found[i, SIN] + found[j, SIN], found[i, COSINE] + found[j, COSINE]
+            s, c = contacts[i, SIN] + contacts[j, SIN], contacts[i, COSINE] + contacts[j, COSINE]
             size = math.sqrt(s * s + c * c)
-            apart = abs(found[i, SIN] - found[j, SIN]) * w[RADIUS] + abs(found[i, PLACE] - found[j, PLACE])
+            apart = abs(contacts[i, SIN] - contacts[j, SIN]) * w[RADIUS] + abs(contacts[i, PLACE] - contacts[j, PLACE])
             if apart < ONE * w[RADIUS]:
                 fresh = False
             elif size > 0.0:
-                place = 0.5 * (found[i, PLACE] + found[j, PLACE])
+                place = 0.5 * (contacts[i, PLACE] + contacts[j, PLACE])
                 fresh &= gap_at(grid, meta, w, s / size, c / size, place) > keep
         n += fresh
     return n

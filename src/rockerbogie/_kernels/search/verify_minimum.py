@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..jit.decorators import inlined, njit
 from ..model.ground import META_DX, META_DY, META_NX, META_NY, Ground, surface
+from ..model.tolerances import VERIFIED_DEPTH
 from ..model.wheel import AX, AY, AZ, BENDS, BENDS_OF_ALL, EX, EY, GAP, HALF, HX, HY, HZ, RADIUS, UX, UY, UZ, gap_at, tread_point
 from .cubic_cell import BENDS_SIZE, XX, XXX, XXY, XY, XYY, YY, YYY, cell_bends
 from .tread import FOUND, least_gap
@@ -21,23 +22,22 @@ from .tread import FOUND, least_gap
 Array = NDArray[np.float64]
 
 CELLS = 16  # most cells under a wheel whose bends are looked up one by one
-CLOSE = 1e-9  # m: what a searched tread may lie in the ground
 PIECES = 12  # most pieces that a width is cut into
 
 LEAST, LOWER, UNKNOWN = range(3)
 
 
 @inlined
-def is_least(ground: Ground, w: Array, sine: float, cosine: float, s: float, best: Array, none: Array) -> int:
+def is_least(ground: Ground, w: Array, sine: float, cosine: float, s: float, lowest: Array, none: Array) -> int:
     """LEAST where no place of the tread has a lower gap than (φ, s) has, which lies on the ground; LOWER where it fills
-    `best` with one; else UNKNOWN. `none` is room for none."""
+    `lowest` with one; else UNKNOWN. `none` is room for none."""
     grid, _, meta = ground
     if _by_bounds(grid, meta, w, sine, cosine, s):
         return LEAST
-    code, _ = least_gap(ground, w, sine, cosine, s, True, -math.inf, best, none)
+    code, _ = least_gap(ground, w, sine, cosine, s, True, -math.inf, lowest, none)
     if code != FOUND:
         return UNKNOWN
-    return LEAST if best[GAP] > -CLOSE else LOWER
+    return LEAST if lowest[GAP] > -VERIFIED_DEPTH else LOWER
 
 
 @njit
@@ -63,18 +63,18 @@ def _by_bounds(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s
                 least[2 * k], least[2 * k + 1] = min(least[2 * k], bends[2 * k]), max(least[2 * k + 1], bends[2 * k + 1])
             for k in range(XXX, BENDS_SIZE):
                 least[k] = max(least[k], bends[k])
-    bend = max(max(-least[XX], least[XX + 1]), max(-least[YY], least[YY + 1])) + max(-least[XY], least[XY + 1])
+    curvature = max(max(-least[XX], least[XX + 1]), max(-least[YY], least[YY + 1])) + max(-least[XY], least[XY + 1])
     x, y, _ = tread_point(w, sine, cosine, s)
     _, gx, gy, hxx, hxy, hyy = surface(grid, meta, w[HX] + x, w[HY] + y)
-    steep = abs(gx * w[UX] + gy * w[UY]) + 2.0 * bend * (r + half) * abs(w[AZ])
-    room = w[UZ] - steep - bend * r * (1.0 + 0.5 * w[AZ] * w[AZ])
+    steep = abs(gx * w[UX] + gy * w[UY]) + 2.0 * curvature * (r + half) * abs(w[AZ])
+    room = w[UZ] - steep - curvature * r * (1.0 + 0.5 * w[AZ] * w[AZ])
     if not (room > 0.0 and cosine > 0.0):
         return False
     if half == 0.0:
         return True
     # the ground's curvature along the axle: within its bounds over the cells, and as far from here as third derivatives allow
     xx, xy, yy = w[AX] * w[AX], 2.0 * w[AX] * w[AY], w[AY] * w[AY]
-    follow = bend * r / room  # how far φ turns, at most, for a step along the axle
+    follow = curvature * r / room  # how far φ turns, at most, for a step along the axle
     far_x, far_y = 2.0 * half * (abs(w[AX]) + follow), 2.0 * half * (abs(w[AY]) + follow)
     vary = (
         (least[XXX] * far_x + least[XXY] * far_y) * xx
@@ -85,10 +85,10 @@ def _by_bounds(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s
     high = min(least[XX + 1] * xx + max(least[XY] * xy, least[XY + 1] * xy) + least[YY + 1] * yy, here + vary)
     low = max(least[XX] * xx + min(least[XY] * xy, least[XY + 1] * xy) + least[YY] * yy, here - vary)
     along = w[AZ] - gx * w[AX] - gy * w[AY]  # m'
-    fall, rise = high + bend * follow, max(-low, 0.0)  # m'' is nowhere below -fall, nor above rise
-    crest = -here - bend * follow  # and not below this here
+    fall, rise = high + curvature * follow, max(-low, 0.0)  # m'' is nowhere below -fall, nor above rise
+    crest = -here - curvature * follow  # and not below this here
     if abs(s) < half:
-        if not along * along <= CLOSE * crest:
+        if not along * along <= VERIFIED_DEPTH * crest:
             return False
         reach = 2.0 * half * crest / vary if vary > 0.0 else math.inf  # so far it stays hollow
         gap = gap_at(grid, meta, w, sine, cosine, s)
@@ -103,7 +103,7 @@ def _by_bounds(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s
     way = -1.0 if s > 0.0 else 1.0
     if fall < 0.0:  # hollow all along the axle
         off = max(-way * along, 0.0)
-        return off * off <= -2.0 * fall * CLOSE
+        return off * off <= -2.0 * fall * VERIFIED_DEPTH
     gap = gap_at(grid, meta, w, sine, cosine, s)
     return _is_clear(grid, meta, w, sine, cosine, s, way, 2.0 * half, gap, way * along, gap, fall, rise)
 
@@ -118,7 +118,7 @@ def _is_clear(
     From piece to piece: m plus a parabola of curvature `fall` is hollow, so that its tangents at both ends bound it from
     below; and less one of curvature `rise` it lies above its chord.
     """
-    low, fall = gap - CLOSE, max(fall, 0.0)
+    low, fall = gap - VERIFIED_DEPTH, max(fall, 0.0)
     if not here >= low:
         return False
     piece = left

@@ -13,10 +13,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import fused, inlined, njit
+from ..jit.decorators import fma_njit, inlined, njit
 from ..model.ground import META_DX, META_DY, META_NX, META_NY, META_STEEP
 from ..model.linkage import P_HALF, P_RADIUS
-from ..search.bilinear_cell import TIE
+from ..model.tolerances import GAP_TIE
 from .linkage import AZ, LANES, OX, OY, OZ, PLACE, SINE, UZ, VX, VY, Q, X, Y, rows
 from .lowest_bound import LOW, PIECE, fill_up, lowest, next_lowest
 from .rim_search import (
@@ -54,71 +54,86 @@ TINY = 1e-14  # m: an edge right along the axle has no place where it is least; 
 # their greatest rises along x and y, and what was said of all the ground.
 (
     ZH, COS, TAN, OVER, AXLE_Z, U0, V0, U_X, U_Y, V_X, V_Y, OVER_X, OVER_Y, ASIDE_X, ASIDE_Y, V_LOW, V_HIGH,
-    P_0, P_UU, P_X, P_Y, B_0, B_UU, B_X, B_Y, COL_0, ROW_0, COL_1, ROW_1, DET, HALF, STEEP, CLEAR, FITS,
+    P_0, P_UU, P_X, P_Y, B_0, B_UU, B_X, B_Y, COL_0, ROW_0, COL_1, ROW_1, DET, HALF, MAX_SLOPE_SQUARED, CLEAR, FITS,
     RISE_X, RISE_Y, CLEAR_ALL, _nodes,
 ) = rows(RIM_ROWS, (LANES,) * 37)  # fmt: skip
 # The nodes under a wheel, row by row: their heights, and the bounds of the edges to the right and above, or of the cell between.
 HEIGHTS, NODE_BOUNDS, EDGE_ROWS = rows(_nodes, (ROOM * LANES,) * 2)
 
 
-@fused
-def set_treads(S: Array, rover: Array, meta: Array, i: int) -> None:
+@fma_njit
+def set_treads(lanes: Array, rover: Array, meta: Array, i: int) -> None:
     """The tread of wheel i."""
     i = min(max(i, 0), 5)
     radius, half = rover[P_RADIUS + i], rover[P_HALF + i]
     dx, dy, last_x, last_y = meta[META_DX], meta[META_DY], meta[META_NX] - 1.0, meta[META_NY] - 1.0
     for l in range(LANES):
         k = i * LANES + l
-        vx, vy, az, uz = S[VX + k], S[VY + k], S[AZ + k], S[UZ + k]
-        x, y = S[X + l] + S[OX + k], S[Y + l] + S[OY + k]
+        vx, vy, az, uz = lanes[VX + k], lanes[VY + k], lanes[AZ + k], lanes[UZ + k]
+        x, y = lanes[X + l] + lanes[OX + k], lanes[Y + l] + lanes[OY + k]
         over = 1.0 / uz
-        sine = min(max(S[SINE + k], -0.999), 0.999)
+        sine = min(max(lanes[SINE + k], -0.999), 0.999)
         cosine = math.sqrt(1.0 - sine * sine)
-        S[ZH + l], S[COS + l], S[TAN + l], S[OVER + l], S[AXLE_Z + l] = S[Q + l] + S[OZ + k], uz, az * over, over, az
-        S[U0 + l], S[V0 + l] = y * vx - x * vy, -x * vx - y * vy
-        S[U_X + l], S[U_Y + l], S[V_X + l], S[V_Y + l] = vy * dx, -vx * dy, vx * dx, vy * dy
-        S[OVER_X + l], S[OVER_Y + l] = 1.0 / (vy * dx + TINY), 1.0 / (TINY - vx * dy)
-        S[ASIDE_X + l], S[ASIDE_Y + l] = 1.0 / (vx * dx + TINY), 1.0 / (vy * dy + TINY)
-        S[V_LOW + l], S[V_HIGH + l] = min(radius * az, 0.0) - half * uz - TIE, max(radius * az, 0.0) + half * uz + TIE
-        S[DET + l], S[HALF + l], S[STEEP + l] = dx * dy, half, meta[META_STEEP] * meta[META_STEEP]
+        lanes[ZH + l], lanes[COS + l], lanes[TAN + l], lanes[OVER + l], lanes[AXLE_Z + l] = (
+            lanes[Q + l] + lanes[OZ + k],
+            uz,
+            az * over,
+            over,
+            az,
+        )
+        lanes[U0 + l], lanes[V0 + l] = y * vx - x * vy, -x * vx - y * vy
+        lanes[U_X + l], lanes[U_Y + l], lanes[V_X + l], lanes[V_Y + l] = vy * dx, -vx * dy, vx * dx, vy * dy
+        lanes[OVER_X + l], lanes[OVER_Y + l] = 1.0 / (vy * dx + TINY), 1.0 / (TINY - vx * dy)
+        lanes[ASIDE_X + l], lanes[ASIDE_Y + l] = 1.0 / (vx * dx + TINY), 1.0 / (vy * dy + TINY)
+        lanes[V_LOW + l], lanes[V_HIGH + l] = (
+            min(radius * az, 0.0) - half * uz - GAP_TIE,
+            max(radius * az, 0.0) + half * uz + GAP_TIE,
+        )
+        lanes[DET + l], lanes[HALF + l], lanes[MAX_SLOPE_SQUARED + l] = dx * dy, half, meta[META_STEEP] * meta[META_STEEP]
         touching, bottom = 0.5 * over / (radius * cosine), 0.5 * over / radius
-        S[P_0 + l], S[P_UU + l] = S[Q + l] + S[OZ + k] - touching * radius * radius * (1.0 + cosine * cosine), touching
-        S[B_0 + l], S[B_UU + l] = S[Q + l] + S[OZ + k] - radius * over, bottom
-        S[P_X + l], S[P_Y + l] = 0.5 / (touching * vy * vy * dx * dx + TINY), 0.5 / (touching * vx * vx * dy * dy + TINY)
-        S[B_X + l], S[B_Y + l] = 0.5 / (bottom * vy * vy * dx * dx + TINY), 0.5 / (bottom * vx * vx * dy * dy + TINY)
+        lanes[P_0 + l], lanes[P_UU + l] = (
+            lanes[Q + l] + lanes[OZ + k] - touching * radius * radius * (1.0 + cosine * cosine),
+            touching,
+        )
+        lanes[B_0 + l], lanes[B_UU + l] = lanes[Q + l] + lanes[OZ + k] - radius * over, bottom
+        lanes[P_X + l], lanes[P_Y + l] = 0.5 / (touching * vy * vy * dx * dx + TINY), 0.5 / (touching * vx * vx * dy * dy + TINY)
+        lanes[B_X + l], lanes[B_Y + l] = 0.5 / (bottom * vy * vy * dx * dx + TINY), 0.5 / (bottom * vx * vx * dy * dy + TINY)
         far_x = half * abs(uz * vx) + radius * math.sqrt(vy * vy + az * az * vx * vx)
         far_y = half * abs(uz * vy) + radius * math.sqrt(vx * vx + az * az * vy * vy)
-        S[COL_0 + l], S[COL_1 + l] = max(np.floor((x - far_x) / dx), 0.0), min(np.floor((x + far_x) / dx) + 1.0, last_x)
-        S[ROW_0 + l], S[ROW_1 + l] = max(np.floor((y - far_y) / dy), 0.0), min(np.floor((y + far_y) / dy) + 1.0, last_y)
+        lanes[COL_0 + l], lanes[COL_1 + l] = max(np.floor((x - far_x) / dx), 0.0), min(np.floor((x + far_x) / dx) + 1.0, last_x)
+        lanes[ROW_0 + l], lanes[ROW_1 + l] = max(np.floor((y - far_y) / dy), 0.0), min(np.floor((y + far_y) / dy) + 1.0, last_y)
 
 
 @njit
-def nodes_under(S: Array) -> tuple[int, int]:
+def nodes_under(lanes: Array) -> tuple[int, int]:
     """How many nodes along x and y there are under the widest of the wheels; FITS is 0 where they are too many."""
     columns = lines = 0
     for l in range(LANES):
-        nx, ny = S[COL_1 + l] - S[COL_0 + l] + 1.0, S[ROW_1 + l] - S[ROW_0 + l] + 1.0
-        S[FITS + l] = 1.0 if nx <= SIDE and ny <= SIDE else 0.0
-        if S[FITS + l] > 0.0:
+        nx, ny = lanes[COL_1 + l] - lanes[COL_0 + l] + 1.0, lanes[ROW_1 + l] - lanes[ROW_0 + l] + 1.0
+        lanes[FITS + l] = 1.0 if nx <= SIDE and ny <= SIDE else 0.0
+        if lanes[FITS + l] > 0.0:
             columns, lines = max(columns, int(nx)), max(lines, int(ny))
     return columns, lines
 
 
-@fused
-def take_heights(S: Array, grid: Array, columns: int, lines: int) -> None:
+@fma_njit
+def take_heights(lanes: Array, grid: Array, columns: int, lines: int) -> None:
     """Fill HEIGHTS, row by row; a lane that has fewer nodes along x or y has its last ones again."""
     columns, lines = min(max(columns, 0), SIDE), min(max(lines, 0), SIDE)
     for m in range(lines):
         for n in range(columns):
             at = HEIGHTS + min(m * columns + n, ROOM - 1) * LANES
             for l in range(LANES):
-                column, row = max(min(S[COL_0 + l] + n, S[COL_1 + l]), 0.0), max(min(S[ROW_0 + l] + m, S[ROW_1 + l]), 0.0)
-                home_x, home_y = S[HOME_X + l], S[HOME_Y + l]
-                S[CI + l], S[CJ + l] = (column if column == column else home_x), (row if row == row else home_y)
+                column, row = (
+                    max(min(lanes[COL_0 + l] + n, lanes[COL_1 + l]), 0.0),
+                    max(min(lanes[ROW_0 + l] + m, lanes[ROW_1 + l]), 0.0),
+                )
+                home_x, home_y = lanes[HOME_X + l], lanes[HOME_Y + l]
+                lanes[CI + l], lanes[CJ + l] = (column if column == column else home_x), (row if row == row else home_y)
             for l in range(LANES):
-                S[H00 + l] = grid[np.uint64(S[CJ + l]), np.uint64(S[CI + l])]
+                lanes[H00 + l] = grid[np.uint64(lanes[CJ + l]), np.uint64(lanes[CI + l])]
             for l in range(LANES):
-                S[at + l] = S[H00 + l]
+                lanes[at + l] = lanes[H00 + l]
 
 
 @inlined
@@ -140,15 +155,17 @@ def _edge(
 
 
 @inlined
-def _hold(S: Array, l: int, gap: float, sine: float, cosine: float, s: float, col: float, row: float, there: bool) -> None:
+def _keep_lower_inside(
+    lanes: Array, l: int, gap: float, sine: float, cosine: float, s: float, col: float, row: float, there: bool
+) -> None:
     """Hold a place inside the tread, if it is there and the lowest yet."""
     least, was_sine, was_cosine, was_s, was_col, was_row = (
-        S[LEAST + l], S[L_SINE + l], S[L_COSINE + l], S[L_PLACE + l], S[L_COL + l], S[L_ROW + l],
+        lanes[LEAST + l], lanes[L_SINE + l], lanes[L_COSINE + l], lanes[L_PLACE + l], lanes[L_COL + l], lanes[L_ROW + l],
     )  # fmt: skip
     less = there & (gap < least)
-    S[LEAST + l], S[L_PLACE + l] = (gap if less else least), (s if less else was_s)
-    S[L_SINE + l], S[L_COSINE + l] = (sine if less else was_sine), (cosine if less else was_cosine)
-    S[L_COL + l], S[L_ROW + l] = (col if less else was_col), (row if less else was_row)
+    lanes[LEAST + l], lanes[L_PLACE + l] = (gap if less else least), (s if less else was_s)
+    lanes[L_SINE + l], lanes[L_COSINE + l] = (sine if less else was_sine), (cosine if less else was_cosine)
+    lanes[L_COL + l], lanes[L_ROW + l] = (col if less else was_col), (row if less else was_row)
 
 
 @inlined
@@ -159,97 +176,132 @@ def _under(radius: float, low: float, high: float, u: float, v: float, over_u: f
 
 
 @inlined
-def _room(first: float, last: float, start: float, slope: float, bend: float, back: float) -> float:
+def _room(first: float, last: float, start: float, slope: float, curvature: float, back: float) -> float:
     """The least of start + slope t + bend t² from t = first to last; back is 1 / (2 bend)."""
     t = min(max(-slope * back, first), last)
-    return start + t * (slope + t * bend) if first <= last else math.inf
+    return start + t * (slope + t * curvature) if first <= last else math.inf
 
 
-@fused
-def bound_edges(S: Array, rover: Array, i: int, columns: int, lines: int) -> None:
+@fma_njit
+def bound_edges(lanes: Array, rover: Array, i: int, columns: int, lines: int) -> None:
     """Fill NODE_BOUNDS: no gap of wheel i over the two edges is lower."""
-    radius = rover[P_RADIUS + min(max(i, 0), 5)] + TIE
+    radius = rover[P_RADIUS + min(max(i, 0), 5)] + GAP_TIE
     columns, lines = min(max(columns, 0), SIDE), min(max(lines, 0), SIDE)
     for m in range(lines):
         for n in range(columns):
             at = HEIGHTS + min(m * columns + n, ROOM - 1) * LANES
             right, above, out = at + LANES, HEIGHTS + min((m + 1) * columns + n, ROOM - 1) * LANES, at + (NODE_BOUNDS - HEIGHTS)
             for l in range(LANES):
-                h, h_right, h_above = S[at + l], S[right + l], S[above + l]
+                h, h_right, h_above = lanes[at + l], lanes[right + l], lanes[above + l]
                 col, row, du, dv, eu, ev = (
-                    S[COL_0 + l] + n, S[ROW_0 + l] + m, S[U_X + l], S[V_X + l], S[U_Y + l], S[V_Y + l],
+                    lanes[COL_0 + l] + n, lanes[ROW_0 + l] + m, lanes[U_X + l], lanes[V_X + l], lanes[U_Y + l], lanes[V_Y + l],
                 )  # fmt: skip
-                u, v = S[U0 + l] + col * du + row * eu, S[V0 + l] + col * dv + row * ev
-                tan, p, b, square = S[TAN + l], S[P_UU + l], S[B_UU + l], u * u
+                u, v = lanes[U0 + l] + col * du + row * eu, lanes[V0 + l] + col * dv + row * ev
+                tan, p, b, square = lanes[TAN + l], lanes[P_UU + l], lanes[B_UU + l], u * u
                 level, to_right, to_above = tan * v - h, tan * dv - (h_right - h), tan * ev - (h_above - h)
-                first, last = _under(radius, S[V_LOW + l], S[V_HIGH + l], u, v, S[OVER_X + l], S[ASIDE_X + l])
+                first, last = _under(radius, lanes[V_LOW + l], lanes[V_HIGH + l], u, v, lanes[OVER_X + l], lanes[ASIDE_X + l])
                 of_right = max(
-                    _room(first, last, S[P_0 + l] + p * square + level, 2.0 * p * u * du + to_right, p * du * du, S[P_X + l]),
-                    _room(first, last, S[B_0 + l] + b * square + level, 2.0 * b * u * du + to_right, b * du * du, S[B_X + l]),
+                    _room(
+                        first, last, lanes[P_0 + l] + p * square + level, 2.0 * p * u * du + to_right, p * du * du, lanes[P_X + l]
+                    ),
+                    _room(
+                        first, last, lanes[B_0 + l] + b * square + level, 2.0 * b * u * du + to_right, b * du * du, lanes[B_X + l]
+                    ),
                 )
-                first, last = _under(radius, S[V_LOW + l], S[V_HIGH + l], u, v, S[OVER_Y + l], S[ASIDE_Y + l])
+                first, last = _under(radius, lanes[V_LOW + l], lanes[V_HIGH + l], u, v, lanes[OVER_Y + l], lanes[ASIDE_Y + l])
                 of_above = max(
-                    _room(first, last, S[P_0 + l] + p * square + level, 2.0 * p * u * eu + to_above, p * eu * eu, S[P_Y + l]),
-                    _room(first, last, S[B_0 + l] + b * square + level, 2.0 * b * u * eu + to_above, b * eu * eu, S[B_Y + l]),
+                    _room(
+                        first, last, lanes[P_0 + l] + p * square + level, 2.0 * p * u * eu + to_above, p * eu * eu, lanes[P_Y + l]
+                    ),
+                    _room(
+                        first, last, lanes[B_0 + l] + b * square + level, 2.0 * b * u * eu + to_above, b * eu * eu, lanes[B_Y + l]
+                    ),
                 )
                 known = h == h
-                of_right = of_right if known & (h_right == h_right) & (col < S[COL_1 + l]) & (row <= S[ROW_1 + l]) else math.inf
-                of_above = of_above if known & (h_above == h_above) & (col <= S[COL_1 + l]) & (row < S[ROW_1 + l]) else math.inf
-                S[out + l] = min(of_right, of_above)
+                of_right = (
+                    of_right if known & (h_right == h_right) & (col < lanes[COL_1 + l]) & (row <= lanes[ROW_1 + l]) else math.inf
+                )
+                of_above = (
+                    of_above if known & (h_above == h_above) & (col <= lanes[COL_1 + l]) & (row < lanes[ROW_1 + l]) else math.inf
+                )
+                lanes[out + l] = min(of_right, of_above)
 
 
-@fused
-def take_heights_of_edges(S: Array, columns: int) -> None:
+@fma_njit
+def take_heights_of_edges(lanes: Array, columns: int) -> None:
     """Heights of the nodes PIECE, and to the right of them and above."""
     columns = min(max(columns, 0), SIDE)
     for l in range(LANES):
-        piece = min(max(int(S[PIECE + l]), 0), ROOM - 1)
-        S[H00 + l], S[H01 + l] = S[HEIGHTS + piece * LANES + l], S[HEIGHTS + min(piece + 1, ROOM - 1) * LANES + l]
-        S[H10 + l] = S[HEIGHTS + min(piece + columns, ROOM - 1) * LANES + l]
+        piece = min(max(int(lanes[PIECE + l]), 0), ROOM - 1)
+        lanes[H00 + l], lanes[H01 + l] = lanes[HEIGHTS + piece * LANES + l], lanes[HEIGHTS + min(piece + 1, ROOM - 1) * LANES + l]
+        lanes[H10 + l] = lanes[HEIGHTS + min(piece + columns, ROOM - 1) * LANES + l]
 
 
-@fused
-def edges_of_nodes(S: Array, rover: Array, i: int) -> None:
+@fma_njit
+def edges_of_nodes(lanes: Array, rover: Array, i: int) -> None:
     """The least gap of wheel i over the edges to the right of the nodes CI, CJ and above, where LOW bounds it."""
     i = min(max(i, 0), 5)
     radius = rover[P_RADIUS + i]
     for l in range(LANES):
-        col, row, du, dv, eu, ev = S[CI + l], S[CJ + l], S[U_X + l], S[V_X + l], S[U_Y + l], S[V_Y + l]
-        u, v, h, sought = S[U0 + l] + col * du + row * eu, S[V0 + l] + col * dv + row * ev, S[H00 + l], S[LOW + l] < math.inf
-        half, zh, cos, tan, over, az = S[HALF + l], S[ZH + l], S[COS + l], S[TAN + l], S[OVER + l], S[AXLE_Z + l]
-        end_col, end_row, over_x, over_y = S[COL_1 + l], S[ROW_1 + l], S[OVER_X + l], S[OVER_Y + l]
-        gap, sine, cosine, s, inside = _edge(radius, half, zh, cos, tan, over, az, h, S[H01 + l], u, v, du, dv, over_x)
-        _hold(S, l, gap, sine, cosine, s, col, row, sought & inside & (col < end_col) & (row <= end_row))
-        gap, sine, cosine, s, inside = _edge(radius, half, zh, cos, tan, over, az, h, S[H10 + l], u, v, eu, ev, over_y)
-        _hold(S, l, gap, sine, cosine, s, col, row, sought & inside & (col <= end_col) & (row < end_row))
+        col, row, du, dv, eu, ev = lanes[CI + l], lanes[CJ + l], lanes[U_X + l], lanes[V_X + l], lanes[U_Y + l], lanes[V_Y + l]
+        u, v, h, sought = (
+            lanes[U0 + l] + col * du + row * eu,
+            lanes[V0 + l] + col * dv + row * ev,
+            lanes[H00 + l],
+            lanes[LOW + l] < math.inf,
+        )
+        half, zh, cos, tan, over, az = (
+            lanes[HALF + l],
+            lanes[ZH + l],
+            lanes[COS + l],
+            lanes[TAN + l],
+            lanes[OVER + l],
+            lanes[AXLE_Z + l],
+        )
+        end_col, end_row, over_x, over_y = lanes[COL_1 + l], lanes[ROW_1 + l], lanes[OVER_X + l], lanes[OVER_Y + l]
+        gap, sine, cosine, s, inside = _edge(radius, half, zh, cos, tan, over, az, h, lanes[H01 + l], u, v, du, dv, over_x)
+        _keep_lower_inside(lanes, l, gap, sine, cosine, s, col, row, sought & inside & (col < end_col) & (row <= end_row))
+        gap, sine, cosine, s, inside = _edge(radius, half, zh, cos, tan, over, az, h, lanes[H10 + l], u, v, eu, ev, over_y)
+        _keep_lower_inside(lanes, l, gap, sine, cosine, s, col, row, sought & inside & (col <= end_col) & (row < end_row))
 
 
-@fused
-def edges_of_cells(S: Array, rover: Array, i: int) -> None:
+@fma_njit
+def edges_of_cells(lanes: Array, rover: Array, i: int) -> None:
     """The least gap of wheel i over the four edges of the cells CI, CJ, whose corners are known."""
     i = min(max(i, 0), 5)
     radius = rover[P_RADIUS + i]
     for l in range(LANES):
-        col, row, du, dv, eu, ev = S[CI + l], S[CJ + l], S[U_X + l], S[V_X + l], S[U_Y + l], S[V_Y + l]
-        u, v = S[U0 + l] + col * du + row * eu, S[V0 + l] + col * dv + row * ev
-        half, zh, cos, tan, over, az = S[HALF + l], S[ZH + l], S[COS + l], S[TAN + l], S[OVER + l], S[AXLE_Z + l]
-        over_x, over_y = S[OVER_X + l], S[OVER_Y + l]
-        gap, sine, cosine, s, inside = _edge(radius, half, zh, cos, tan, over, az, S[H00 + l], S[H01 + l], u, v, du, dv, over_x)
-        _hold(S, l, gap, sine, cosine, s, col, row, inside)
-        gap, sine, cosine, s, inside = _edge(radius, half, zh, cos, tan, over, az, S[H00 + l], S[H10 + l], u, v, eu, ev, over_y)
-        _hold(S, l, gap, sine, cosine, s, col, row, inside)
-        gap, sine, cosine, s, inside = _edge(
-            radius, half, zh, cos, tan, over, az, S[H10 + l], S[H11 + l], u + eu, v + ev, du, dv, over_x
+        col, row, du, dv, eu, ev = lanes[CI + l], lanes[CJ + l], lanes[U_X + l], lanes[V_X + l], lanes[U_Y + l], lanes[V_Y + l]
+        u, v = lanes[U0 + l] + col * du + row * eu, lanes[V0 + l] + col * dv + row * ev
+        half, zh, cos, tan, over, az = (
+            lanes[HALF + l],
+            lanes[ZH + l],
+            lanes[COS + l],
+            lanes[TAN + l],
+            lanes[OVER + l],
+            lanes[AXLE_Z + l],
         )
-        _hold(S, l, gap, sine, cosine, s, col, row, inside)
+        over_x, over_y = lanes[OVER_X + l], lanes[OVER_Y + l]
         gap, sine, cosine, s, inside = _edge(
-            radius, half, zh, cos, tan, over, az, S[H01 + l], S[H11 + l], u + du, v + dv, eu, ev, over_y
+            radius, half, zh, cos, tan, over, az, lanes[H00 + l], lanes[H01 + l], u, v, du, dv, over_x
         )
-        _hold(S, l, gap, sine, cosine, s, col, row, inside)
+        _keep_lower_inside(lanes, l, gap, sine, cosine, s, col, row, inside)
+        gap, sine, cosine, s, inside = _edge(
+            radius, half, zh, cos, tan, over, az, lanes[H00 + l], lanes[H10 + l], u, v, eu, ev, over_y
+        )
+        _keep_lower_inside(lanes, l, gap, sine, cosine, s, col, row, inside)
+        gap, sine, cosine, s, inside = _edge(
+            radius, half, zh, cos, tan, over, az, lanes[H10 + l], lanes[H11 + l], u + eu, v + ev, du, dv, over_x
+        )
+        _keep_lower_inside(lanes, l, gap, sine, cosine, s, col, row, inside)
+        gap, sine, cosine, s, inside = _edge(
+            radius, half, zh, cos, tan, over, az, lanes[H01 + l], lanes[H11 + l], u + du, v + dv, eu, ev, over_y
+        )
+        _keep_lower_inside(lanes, l, gap, sine, cosine, s, col, row, inside)
 
 
-@fused
-def bound_cells(S: Array, rover: Array, i: int, columns: int, lines: int) -> None:
+@fma_njit
+def bound_cells(lanes: Array, rover: Array, i: int, columns: int, lines: int) -> None:
     """Fill NODE_BOUNDS: no gap inside a cell is lower; inf where none is least there.
 
     For that the ground has to be hollow along the axle, its slope h_v has to be tan τ somewhere in the cell, and across the axle
@@ -265,16 +317,16 @@ def bound_cells(S: Array, rover: Array, i: int, columns: int, lines: int) -> Non
             right, above, out = at + LANES, HEIGHTS + min((m + 1) * columns + n, ROOM - 1) * LANES, at + (NODE_BOUNDS - HEIGHTS)
             beyond = min(above + LANES, HEIGHTS + (ROOM - 1) * LANES)
             for l in range(LANES):
-                a, b, d, e = S[at + l], S[right + l], S[above + l], S[beyond + l]
+                a, b, d, e = lanes[at + l], lanes[right + l], lanes[above + l], lanes[beyond + l]
                 col, row, du, dv, eu, ev = (
-                    S[COL_0 + l] + n, S[ROW_0 + l] + m, S[U_X + l], S[V_X + l], S[U_Y + l], S[V_Y + l],
+                    lanes[COL_0 + l] + n, lanes[ROW_0 + l] + m, lanes[U_X + l], lanes[V_X + l], lanes[U_Y + l], lanes[V_Y + l],
                 )  # fmt: skip
-                tan, p, det = S[TAN + l], S[P_UU + l], S[DET + l]
-                u, v = S[U0 + l] + col * du + row * eu, S[V0 + l] + col * dv + row * ev
+                tan, p, det = lanes[TAN + l], lanes[P_UU + l], lanes[DET + l]
+                u, v = lanes[U0 + l] + col * du + row * eu, lanes[V0 + l] + col * dv + row * ev
                 # the plane that touches the parabola over the cell's middle
                 middle = u + 0.5 * (du + eu)
                 by_u = 2.0 * p * middle
-                z, zx, zy = S[P_0 + l] - p * middle * middle + by_u * u + tan * v, by_u * du + tan * dv, by_u * eu + tan * ev
+                z, zx, zy = lanes[P_0 + l] - p * middle * middle + by_u * u + tan * v, by_u * du + tan * dv, by_u * eu + tan * ev
                 bound = min(min(z - a, z + zx - b), min(z + zy - d, z + zx + zy - e))
                 twist = a - b - d + e
                 # h_v at the low corner, times det, and how much it changes along x and y
@@ -282,13 +334,13 @@ def bound_cells(S: Array, rover: Array, i: int, columns: int, lines: int) -> Non
                 falls, rises = hv + min(hvx, 0.0) + min(hvy, 0.0) < 0.0, hv + max(hvx, 0.0) + max(hvy, 0.0) > 0.0
                 far = min(abs(middle) + 0.5 * (abs(du) + abs(eu)), 0.9999999 * radius)
                 square = radius * radius - far * far
-                bends = 2.0 * radius * radius * abs(du * eu) >= abs(twist) * S[COS + l] * square * math.sqrt(square)
-                there = (col < S[COL_1 + l]) & (row < S[ROW_1 + l]) & (twist * du * eu > 0.0) & falls & rises & bends
-                S[out + l] = bound if there else math.inf
+                bends = 2.0 * radius * radius * abs(du * eu) >= abs(twist) * lanes[COS + l] * square * math.sqrt(square)
+                there = (col < lanes[COL_1 + l]) & (row < lanes[ROW_1 + l]) & (twist * du * eu > 0.0) & falls & rises & bends
+                lanes[out + l] = bound if there else math.inf
 
 
-@fused
-def insides(S: Array, rover: Array, meta: Array, i: int) -> None:
+@fma_njit
+def insides(lanes: Array, rover: Array, meta: Array, i: int) -> None:
     """The least gap of wheel i inside the cells CI, CJ, whose corners are known, where LOW bounds it.
 
     Along the axle T - h is least where h_v = tan τ, on a line v = v0 + v1 u; on that line it falls and rises by
@@ -299,18 +351,24 @@ def insides(S: Array, rover: Array, meta: Array, i: int) -> None:
     radius = rover[P_RADIUS + i]
     end = 0.9999999 * radius
     for l in range(LANES):
-        col, row, tan, over = S[CI + l], S[CJ + l], S[TAN + l], S[OVER + l]
-        du, dv, eu, ev, over_det = S[U_X + l], S[V_X + l], S[U_Y + l], S[V_Y + l], 1.0 / S[DET + l]  # of a step along x, along y
-        a, slope_x, slope_y = S[H00 + l], S[H01 + l] - S[H00 + l], S[H10 + l] - S[H00 + l]
-        twist = S[H11 + l] - S[H01 + l] - slope_y
+        col, row, tan, over = lanes[CI + l], lanes[CJ + l], lanes[TAN + l], lanes[OVER + l]
+        du, dv, eu, ev, over_det = (
+            lanes[U_X + l],
+            lanes[V_X + l],
+            lanes[U_Y + l],
+            lanes[V_Y + l],
+            1.0 / lanes[DET + l],
+        )  # of a step along x, along y
+        a, slope_x, slope_y = lanes[H00 + l], lanes[H01 + l] - lanes[H00 + l], lanes[H10 + l] - lanes[H00 + l]
+        twist = lanes[H11 + l] - lanes[H01 + l] - slope_y
         # from the cell's low corner (u', v') is at x = xu u' + xv v', y = yu u' + yv v'
         xu, xv, yu, yv = ev * over_det, -eu * over_det, -dv * over_det, du * over_det
-        u, v = S[U0 + l] + col * du + row * eu, S[V0 + l] + col * dv + row * ev
+        u, v = lanes[U0 + l] + col * du + row * eu, lanes[V0 + l] + col * dv + row * ev
         hu, hv, huu, huv, hvv = (
             slope_x * xu + slope_y * yu, slope_x * xv + slope_y * yv,
             2.0 * twist * xu * yu, twist * (xu * yv + xv * yu), 2.0 * twist * xv * yv,
         )  # fmt: skip
-        low, doubt = S[LOW + l], S[DOUBT + l]
+        low, doubt = lanes[LOW + l], lanes[DOUBT + l]
         hollow = (hvv < -1e-9) & (low < math.inf)
         over_hvv = 1.0 / min(hvv, -1e-9)
         w0, w1 = (tan - hv) * over_hvv, -huv * over_hvv  # the line is v' = w0 + w1 u'
@@ -342,56 +400,56 @@ def insides(S: Array, rover: Array, meta: Array, i: int) -> None:
         at, q = radius * m * w, radius * w
         at_v = w0 + w1 * (at - u)
         x, y = xu * (at - u) + xv * at_v, yu * (at - u) + yv * at_v
-        s = (v + at_v - q * S[AXLE_Z + l]) * over
-        gap = S[ZH + l] + (v + at_v) * tan - q * over - (a + slope_x * x + slope_y * y + twist * x * y)
+        s = (v + at_v - q * lanes[AXLE_Z + l]) * over
+        gap = lanes[ZH + l] + (v + at_v) * tan - q * over - (a + slope_x * x + slope_y * y + twist * x * y)
         found = (abs(off) < 1e-6) & (steep > 0.0)
         none = gone | ((f1 <= 0.0) & (f0 >= 0.0))
-        S[DOUBT + l] = min(doubt, low) if hollow & (twice | (not (found | none))) else doubt
-        there = hollow & found & (not none) & (at >= left) & (at <= right) & (abs(s) <= S[HALF + l])
-        _hold(S, l, gap, m * w, w, s, col, row, there)
+        lanes[DOUBT + l] = min(doubt, low) if hollow & (twice | (not (found | none))) else doubt
+        there = hollow & found & (not none) & (at >= left) & (at <= right) & (abs(s) <= lanes[HALF + l])
+        _keep_lower_inside(lanes, l, gap, m * w, w, s, col, row, there)
 
 
-@fused
-def take_up_nodes(S: Array, columns: int) -> float:
+@fma_njit
+def take_up_nodes(lanes: Array, columns: int) -> float:
     """CI, CJ of the lanes whose LOW is below LEAST, LOW inf for others; how many they are."""
     over = 1.0 / columns
     for l in range(LANES):
-        low = S[LOW + l]
-        S[LOW + l] = low if low < S[LEAST + l] - TIE else math.inf
-        row = np.floor((S[PIECE + l] + 0.5) * over)
-        S[CI + l], S[CJ + l] = S[COL_0 + l] + S[PIECE + l] - row * columns, S[ROW_0 + l] + row
-    lanes = 0.0
+        low = lanes[LOW + l]
+        lanes[LOW + l] = low if low < lanes[LEAST + l] - GAP_TIE else math.inf
+        row = np.floor((lanes[PIECE + l] + 0.5) * over)
+        lanes[CI + l], lanes[CJ + l] = lanes[COL_0 + l] + lanes[PIECE + l] - row * columns, lanes[ROW_0 + l] + row
+    lane_count = 0.0
     for l in range(LANES):
-        lanes += 1.0 if S[LOW + l] < math.inf else 0.0
-    return lanes
+        lane_count += 1.0 if lanes[LOW + l] < math.inf else 0.0
+    return lane_count
 
 
 @inlined
-def search_insides(S: Array, grid: Array, meta: Array, rover: Array, i: int, columns: int, lines: int) -> None:
+def search_insides(lanes: Array, grid: Array, meta: Array, rover: Array, i: int, columns: int, lines: int) -> None:
     """The least gap of wheel i inside its tread, where HEIGHTS are known and `search_rims` has been."""
     for l in range(LANES):
-        S[DOUBT + l] = S[DOUBT + l] if S[FITS + l] > 0.0 else NONE
-    fill_up(S, NODE_BOUNDS, columns * lines)
-    bound_edges(S, rover, i, columns, lines)
-    lowest(S, NODE_BOUNDS, columns * lines)
-    while take_up_nodes(S, columns) > 0.0:
-        take_heights_of_edges(S, columns)
-        edges_of_nodes(S, rover, i)
-        next_lowest(S, NODE_BOUNDS, columns * lines)
-    bound_cells(S, rover, i, columns, lines)
-    lowest(S, NODE_BOUNDS, columns * lines)
-    while take_up_nodes(S, columns) > 0.0:
-        corners(S, grid, meta)
-        insides(S, rover, meta, i)
-        next_lowest(S, NODE_BOUNDS, columns * lines)
+        lanes[DOUBT + l] = lanes[DOUBT + l] if lanes[FITS + l] > 0.0 else NONE
+    fill_up(lanes, NODE_BOUNDS, columns * lines)
+    bound_edges(lanes, rover, i, columns, lines)
+    lowest(lanes, NODE_BOUNDS, columns * lines)
+    while take_up_nodes(lanes, columns) > 0.0:
+        take_heights_of_edges(lanes, columns)
+        edges_of_nodes(lanes, rover, i)
+        next_lowest(lanes, NODE_BOUNDS, columns * lines)
+    bound_cells(lanes, rover, i, columns, lines)
+    lowest(lanes, NODE_BOUNDS, columns * lines)
+    while take_up_nodes(lanes, columns) > 0.0:
+        corners(lanes, grid, meta)
+        insides(lanes, rover, meta, i)
+        next_lowest(lanes, NODE_BOUNDS, columns * lines)
 
 
 @inlined
-def follow_insides(S: Array, rover: Array, meta: Array, i: int) -> None:
+def follow_insides(lanes: Array, rover: Array, meta: Array, i: int) -> None:
     """The least gap of wheel i over the cells CI, CJ, whose corners are known, for those that do not touch with a rim."""
     half = rover[P_HALF + i]
     for l in range(LANES):
-        inside = abs(S[PLACE + i * LANES + l]) < half
-        S[HALF + l], S[LOW + l] = (half, NONE) if inside else (-1.0, math.inf)
-    edges_of_cells(S, rover, i)
-    insides(S, rover, meta, i)
+        inside = abs(lanes[PLACE + i * LANES + l]) < half
+        lanes[HALF + l], lanes[LOW + l] = (half, NONE) if inside else (-1.0, math.inf)
+    edges_of_cells(lanes, rover, i)
+    insides(lanes, rover, meta, i)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..jit.decorators import njit
 from ..model.ground import Ground
-from ..model.linkage import P_BOX, P_RADIUS, Z, slope_row, stand
+from ..model.linkage import P_BOX, P_RADIUS, Z, forward_kinematics, gap_jacobian_row
 from ..model.wheel import COSINE, GAP, HX, HY, HZ, PLACE, RADIUS, SIN, contact_slope, tread_point
 from ..search.body_box import N_GAP, N_GX, N_GY, N_X, N_Y, N_Z, NEAR_ROOM, NEAR_SIZE, box_over_ground
 from ..search.tread import FOUND, ROOM, least_gap
@@ -47,10 +47,10 @@ def touch_down(
         FOUND, OFF or BLANK (part of a tread or of the box lies off the map or over missing data), and how many are listed;
         -1 contacts if a wheel has no known terrain under it or lies on its side (code -1).
     """
-    best, found, axes, knees, wheels = work.best, work.found, work.axes, work.knees, work.wheels
+    lowest, contacts, axes, pivots, wheels = work.lowest, work.contacts, work.axes, work.pivots, work.wheels
     near = np.empty((NEAR_ROOM, NEAR_SIZE))
     grid, _, meta = ground
-    if not stand(rover, work.feet, x, y, cy, sy, q, axes, knees, wheels):
+    if not forward_kinematics(rover, work.hub_offsets, x, y, cy, sy, q, axes, pivots, wheels):
         return -1, -1
     coverage, count = FOUND, 0
     least = margin = math.inf
@@ -59,29 +59,31 @@ def touch_down(
     for i in range(6):
         w = wheels[i]
         t = work.touch[i]
-        code, kept = least_gap(ground, w, t[SIN], t[COSINE], t[PLACE], True, -math.inf, best, work.none)
-        if best[GAP] == math.inf:
+        code, kept = least_gap(ground, w, t[SIN], t[COSINE], t[PLACE], True, -math.inf, lowest, work.none)
+        if lowest[GAP] == math.inf:
             return code, -1
         coverage = max(coverage, code)
-        least = min(least, best[GAP])
+        least = min(least, lowest[GAP])
         if not full:
             continue
-        low = best[GAP]
-        sine, cosine, place = best[SIN], best[COSINE], best[PLACE]
+        low = lowest[GAP]
+        sine, cosine, place = lowest[SIN], lowest[COSINE], lowest[PLACE]
         t[SIN], t[COSINE], t[PLACE] = sine, cosine, place
-        code, kept = least_gap(ground, w, sine, cosine, place, True, low + margin, best, found)
+        code, kept = least_gap(ground, w, sine, cosine, place, True, low + margin, lowest, contacts)
         first = count
         for k in range(-1, kept):
             if k < 0:
                 g, sp, cp, s = low, sine, cosine, place
             else:
-                g, sp, cp, s = found[k, GAP], found[k, SIN], found[k, COSINE], found[k, PLACE]
+                g, sp, cp, s = contacts[k, GAP], contacts[k, SIN], contacts[k, COSINE], contacts[k, PLACE]
                 twin = (abs(sp - sine) + abs(cp - cosine)) * w[RADIUS] + abs(s - place) < 1e-6
                 if twin:
                     continue
             px, py, pz = tread_point(w, sp, cp, s)
             gx, gy = contact_slope(grid, meta, w, sp, cp, s)
-            slope_row(rover, q, cy, sy, axes, knees, i, w[HX] - x + px, w[HY] - y + py, w[HZ] - q[Z] + pz, gx, gy, rows[count])
+            gap_jacobian_row(
+                rover, q, cy, sy, axes, pivots, i, w[HX] - x + px, w[HY] - y + py, w[HZ] - q[Z] + pz, gx, gy, rows[count]
+            )
             gap[count], owner[count] = g, i
             same = False
             for j in range(first, count):
@@ -96,13 +98,13 @@ def touch_down(
     for k in range(n):
         least = min(least, near[k, N_GAP])
         if full:
-            slope_row(
+            gap_jacobian_row(
                 rover,
                 q,
                 cy,
                 sy,
                 axes,
-                knees,
+                pivots,
                 0,
                 near[k, N_X],
                 near[k, N_Y],

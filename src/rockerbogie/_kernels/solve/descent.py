@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..jit.decorators import njit
 from ..model.ground import Ground
-from ..model.linkage import BOGIE_L, P_BODY, P_BOGIE, P_KNEE, P_PIVOT, P_ROCKER, P_STOPS, P_WHEEL, PITCH, ROCKER, ROLL, Z
+from ..model.linkage import BOGIE_L, P_BODY, P_BOGIE, P_BOGIE_PIVOT, P_PIVOT, P_ROCKER, P_STOPS, P_WHEEL, PITCH, ROCKER, ROLL, Z
 from ..model.mass import centre_of_mass
 from ..model.wheel import COSINE, PLACE, SIN
 from ..search.workspace import Work
@@ -31,8 +31,11 @@ FALLEN = 1.3  # rad of roll or pitch beyond which the rover has tipped over
 
 
 @njit
-def constrain(rover: Array, q: Array, gap: Array, rows: Array, count: int, trust: float, n: Array, b: Array) -> int:
-    """Fill n, b (m, ...) with what bounds a step d, n·d >= b: gaps, stops, and no unknown by more than `trust`. Returns m."""
+def build_constraints(
+    rover: Array, q: Array, gap: Array, rows: Array, count: int, trust_radius: float, n: Array, b: Array
+) -> int:
+    """Fill n, b (m, ...) with what bounds a step d, n·d >= b: gaps, stops, and no unknown by more than `trust_radius`.
+    Returns m."""
     m = count
     for k in range(count):
         for j in range(6):
@@ -47,18 +50,18 @@ def constrain(rover: Array, q: Array, gap: Array, rows: Array, count: int, trust
                 n[m, ROCKER + k] = sign
                 b[m] = sign * (rover[at + end] - q[ROCKER + k])
                 m += 1
-    if trust < math.inf:
+    if trust_radius < math.inf:
         for k in range(6):
             for end in range(2):
                 n[m] = 0.0
                 n[m, k] = 1.0 if end == 0 else -1.0
-                b[m] = -trust
+                b[m] = -trust_radius
                 m += 1
     return m
 
 
 @njit
-def drag(rover: Array, feet: Array, out: Array) -> None:
+def damping_weights(rover: Array, hub_offsets: Array, out: Array) -> None:
     """What resists each unknown (6,), over the rover's mass: that of its links' masses about the axis, joints straight."""
     out[:] = 0.0
     total = rover[P_BODY]
@@ -67,13 +70,13 @@ def drag(rover: Array, feet: Array, out: Array) -> None:
     out[PITCH] += total * (x * x + z * z)
     for side in range(2):
         pivot = rover[P_PIVOT + 3 * side : P_PIVOT + 3 * side + 3]
-        knee = rover[P_KNEE + 3 * side : P_KNEE + 3 * side + 3]
+        knee = rover[P_BOGIE_PIVOT + 3 * side : P_BOGIE_PIVOT + 3 * side + 3]
         for part in range(5):  # rocker, bogie, and the three wheels of this side
             i = 2 * (part - 2) + side
             at = P_ROCKER + 4 * side if part == 0 else (P_BOGIE + 4 * side if part == 1 else P_WHEEL + 4 * i)
             m, x, y, z = rover[at], rover[at + 1], rover[at + 2], rover[at + 3]
             if part >= 2:
-                x, y, z = x + feet[i, 0], y + feet[i, 1], z + feet[i, 2]
+                x, y, z = x + hub_offsets[i, 0], y + hub_offsets[i, 1], z + hub_offsets[i, 2]
             on_bogie = part == 1 or part >= 3
             if on_bogie:
                 out[BOGIE_L + side] += m * (x * x + z * z)
@@ -95,7 +98,7 @@ def let_down(
 ) -> tuple[int, int]:  # fmt: skip
     """Let the rover down from above, level and with straight joints, until it is all but at rest; fills q (6,) and lists
     its near contacts there. Returns a code and how many, as `touch_down`; -1 if it tips over."""
-    feet, axes, knees = work.feet, work.axes, work.knees
+    hub_offsets, axes, pivots = work.hub_offsets, work.axes, work.pivots
     force = np.empty(b.size)
     slope, trial, d, resist, inverse = np.empty(6), np.empty(6), np.empty(6), np.empty(6), np.zeros((6, 6))
     next_gap, next_rows, next_owner, next_slope = np.empty_like(gap), np.empty_like(rows), np.empty_like(owner), np.empty(6)
@@ -108,13 +111,13 @@ def let_down(
     code, count = touch_down(ground, rover, x, y, cy, sy, q, True, work, gap, rows, owner)
     if count < 0:
         return code, -1
-    height = q[Z] + centre_of_mass(rover, feet, q, cy, sy, axes, knees, slope)
-    drag(rover, feet, resist)
+    height = q[Z] + centre_of_mass(rover, hub_offsets, q, cy, sy, axes, pivots, slope)
+    damping_weights(rover, hub_offsets, resist)
     size_of_rover = math.sqrt(resist[PITCH])
     longest = LONGEST * size_of_rover
     pace = PACE * size_of_rover
     for _ in range(STEPS):
-        m = constrain(rover, q, gap, rows, count, math.inf, n, b)
+        m = build_constraints(rover, q, gap, rows, count, math.inf, n, b)
         size = math.inf
         while size > REACH:
             for k in range(6):
@@ -128,15 +131,15 @@ def let_down(
                 pace *= 0.8 * REACH / size
         if pace >= longest and size < SLOW:
             break
-        promise = 0.0
+        predicted_decrease = 0.0
         for k in range(6):
-            promise -= slope[k] * d[k]
+            predicted_decrease -= slope[k] * d[k]
             trial[k] = q[k] + d[k]
         there, found = touch_down(ground, rover, x, y, cy, sy, trial, True, work, next_gap, next_rows, next_owner)
         fell = -math.inf
         if found >= 0:
-            fell = height - trial[Z] - centre_of_mass(rover, feet, trial, cy, sy, axes, knees, next_slope)
-        if not fell > 0.5 * promise:  # it met what it had not foreseen: look nearer by
+            fell = height - trial[Z] - centre_of_mass(rover, hub_offsets, trial, cy, sy, axes, pivots, next_slope)
+        if not fell > 0.5 * predicted_decrease:  # it met what it had not foreseen: look nearer by
             if size < SHORTEST:
                 break
             pace *= 0.25
@@ -147,6 +150,6 @@ def let_down(
         code, count = there, found
         q[:], slope[:] = trial, next_slope
         gap[:found], rows[:found], owner[:found] = next_gap[:found], next_rows[:found], next_owner[:found]
-        if fell > 0.8 * promise:
+        if fell > 0.8 * predicted_decrease:
             pace = min(2.0 * pace, longest)
     return code, count

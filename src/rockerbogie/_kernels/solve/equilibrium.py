@@ -22,13 +22,13 @@ from numpy.typing import NDArray
 
 from ..jit.decorators import njit
 from ..model.ground import Ground
-from ..model.linkage import P_STOPS, PITCH, ROCKER, ROLL, Z, stand
+from ..model.linkage import P_STOPS, PITCH, ROCKER, ROLL, Z, forward_kinematics
 from ..model.mass import centre_of_mass
 from ..model.wheel import COSINE, PLACE, SIN
 from ..search.tread import BLANK, FOUND
 from ..search.workspace import Work
 from .contact_set import LISTED, TOUCH, touch_down
-from .descent import FALLEN, constrain, let_down
+from .descent import FALLEN, build_constraints, let_down
 from .newton import BELLY_CONTACT, CONVERGED, JOINT_STOP, NO_DATA, NOT_CONVERGED, OFF_MAP, TIPPED, WHEEL_LIFTED
 from .qp import invert, solve_qp
 
@@ -139,53 +139,53 @@ def minimize_energy(
     Returns:
         Status code as `settle_equilibrium`.
     """
-    feet, axes, knees = work.feet, work.axes, work.knees
+    hub_offsets, axes, pivots = work.hub_offsets, work.axes, work.pivots
     force = np.zeros(CONSTRAINTS)
     slope, trial, d = np.empty(6), np.empty(6), np.empty(6)
-    bend, inverse, copy = np.zeros((6, 6)), np.empty((6, 6)), np.empty((6, 6))
+    hessian, inverse, copy = np.zeros((6, 6)), np.empty((6, 6)), np.empty((6, 6))
     old_pull, pull, moved, bearing = np.empty(6), np.empty(6), np.empty(6), np.empty(7)
     report[:] = math.nan
-    stand(rover, feet, x, y, cy, sy, q, axes, knees, work.wheels)
-    height = q[Z] + centre_of_mass(rover, feet, q, cy, sy, axes, knees, slope)
-    forget(bend)
-    trust = TRUST
-    barred = FOUND  # OFF or BLANK if the map's edge or missing data stopped a step
+    forward_kinematics(rover, hub_offsets, x, y, cy, sy, q, axes, pivots, work.wheels)
+    height = q[Z] + centre_of_mass(rover, hub_offsets, q, cy, sy, axes, pivots, slope)
+    reset_hessian(hessian)
+    trust_radius = TRUST
+    blocked_by = FOUND  # OFF or BLANK if the map's edge or missing data stopped a step
     cut_gap, cut_rows, cut_owner = np.empty(CUTS), np.empty((CUTS, 6)), np.empty(CUTS, np.int64)
-    listed, cuts, far = count, 0, 0.0
+    listed, cut_constraints, farthest_cut = count, 0, 0.0
     for _ in range(MOST):
-        m = constrain(rover, q, gap, rows, count, trust, n, b)
-        copy[:] = bend
+        m = build_constraints(rover, q, gap, rows, count, trust_radius, n, b)
+        copy[:] = hessian
         if not (invert(copy, inverse) and solve_qp(inverse, slope, n, b, m, d, force)):
-            forget(bend)  # the curvature learnt is spoilt
-            trust *= 0.25
-            if trust < 1e-9:
+            reset_hessian(hessian)  # the curvature learnt is spoilt
+            trust_radius *= 0.25
+            if trust_radius < 1e-9:
                 break
             continue
-        promise = 0.0
+        predicted_decrease = 0.0
         size = 0.0
         for k in range(6):
-            promise -= slope[k] * d[k]
+            predicted_decrease -= slope[k] * d[k]
             size = max(size, abs(d[k]))
-        if promise < DONE and size < 1e-6:
-            if cuts > 0 and far > 1e-6:  # held by what was met further off: look again, nearer by
-                trust = 0.3 * far
-                count, cuts, far = listed, 0, 0.0
+        if predicted_decrease < DONE and size < 1e-6:
+            if cut_constraints > 0 and farthest_cut > 1e-6:  # held by what was met further off: look again, nearer by
+                trust_radius = 0.3 * farthest_cut
+                count, cut_constraints, farthest_cut = listed, 0, 0.0
                 continue
             arrived = True
-        elif trust < 1e-10:
+        elif trust_radius < 1e-10:
             arrived = True
         else:
             arrived = False
         if arrived:
-            if bear(rover, q, slope, gap, rows, count, inverse, n, b, d, force) < STILL:
+            if contact_forces(rover, q, slope, gap, rows, count, inverse, n, b, d, force) < STILL:
                 if coverage != FOUND:
                     q[:] = report[:] = math.nan
                     return NO_DATA if coverage == BLANK else OFF_MAP
-                return judge(rover, q, gap, owner, force, count, report)
+                return classify_equilibrium(rover, q, gap, owner, force, count, report)
             # no: kinks took for sharp curvature have brought it to a halt. On, with nothing learnt
-            forget(bend)
-            trust = 0.1 * TRUST
-            count, cuts, far = listed, 0, 0.0
+            reset_hessian(hessian)
+            trust_radius = 0.1 * TRUST
+            count, cut_constraints, farthest_cut = listed, 0, 0.0
             continue
         for k in range(6):
             trial[k] = q[k] + d[k]
@@ -201,36 +201,36 @@ def minimize_energy(
         code, m = touch_down(ground, rover, x, y, cy, sy, trial, False, work, gap, rows, owner)
         stands = m >= 0
         if not stands:
-            barred = code
+            blocked_by = code
         else:
-            new = trial[Z] + centre_of_mass(rover, feet, trial, cy, sy, axes, knees, pull)
-        if not stands or not new < low_before - 1e-4 * promise + 1e-15:
-            before = cuts
+            new = trial[Z] + centre_of_mass(rover, hub_offsets, trial, cy, sy, axes, pivots, pull)
+        if not stands or not new < low_before - 1e-4 * predicted_decrease + 1e-15:
+            before = cut_constraints
             if stands:  # what it ran into joins the programme: past a kink another slope of the same wheel holds it
                 lift = q[Z] + d[Z] - trial[Z]
                 _, m = touch_down(ground, rover, x, y, cy, sy, trial, True, work, gap, rows, owner)
                 for k in range(m):
-                    if gap[k] + lift < -0.1 * promise and cuts < CUTS:
-                        cut_gap[cuts] = gap[k] + lift
+                    if gap[k] + lift < -0.1 * predicted_decrease and cut_constraints < CUTS:
+                        cut_gap[cut_constraints] = gap[k] + lift
                         for j in range(6):
-                            cut_gap[cuts] -= rows[k, j] * d[j]
-                            cut_rows[cuts, j] = rows[k, j]
-                        cut_gap[cuts] = max(cut_gap[cuts], 0.0)
-                        cut_owner[cuts] = owner[k]
-                        cuts += 1
-            far = max(far, size)
-            if before > 0 or cuts == 0:
-                trust = 0.25 * min(trust, size)
+                            cut_gap[cut_constraints] -= rows[k, j] * d[j]
+                            cut_rows[cut_constraints, j] = rows[k, j]
+                        cut_gap[cut_constraints] = max(cut_gap[cut_constraints], 0.0)
+                        cut_owner[cut_constraints] = owner[k]
+                        cut_constraints += 1
+            farthest_cut = max(farthest_cut, size)
+            if before > 0 or cut_constraints == 0:
+                trust_radius = 0.25 * min(trust_radius, size)
             # the pose stands as it was: list its contacts anew
             code, count = touch_down(ground, rover, x, y, cy, sy, q, True, work, gap, rows, owner)
-            height = q[Z] + centre_of_mass(rover, feet, q, cy, sy, axes, knees, slope)
+            height = q[Z] + centre_of_mass(rover, hub_offsets, q, cy, sy, axes, pivots, slope)
             listed = count
-            for k in range(cuts):
+            for k in range(cut_constraints):
                 gap[count], rows[count], owner[count] = cut_gap[k], cut_rows[k], cut_owner[k]
                 count += 1
             continue
-        if low_before - new > 0.5 * promise and size > 0.9 * trust:
-            trust = min(2.0 * trust, WIDEST)
+        if low_before - new > 0.5 * predicted_decrease and size > 0.9 * trust_radius:
+            trust_radius = min(2.0 * trust_radius, WIDEST)
         for k in range(6):
             moved[k] = trial[k] - q[k]
             q[k] = trial[k]
@@ -238,8 +238,8 @@ def minimize_energy(
             q[:] = math.nan
             return TIPPED
         coverage, count = touch_down(ground, rover, x, y, cy, sy, q, True, work, gap, rows, owner)
-        height = q[Z] + centre_of_mass(rover, feet, q, cy, sy, axes, knees, slope)
-        listed, cuts, far = count, 0, 0.0
+        height = q[Z] + centre_of_mass(rover, hub_offsets, q, cy, sy, axes, pivots, slope)
+        listed, cut_constraints, farthest_cut = count, 0, 0.0
         for k in range(6):
             pull[k] = slope[k]
         for i in range(7):  # each bearer's lowest contact carries its force on
@@ -250,21 +250,21 @@ def minimize_energy(
             if first >= 0:
                 for k in range(6):
                     pull[k] -= bearing[i] * rows[first, k]
-        learn(bend, moved, pull, old_pull)
+        bfgs_update(hessian, moved, pull, old_pull)
     q[:] = math.nan
-    return NO_DATA if barred == BLANK else (OFF_MAP if barred > 0 else NOT_CONVERGED)
+    return NO_DATA if blocked_by == BLANK else (OFF_MAP if blocked_by > 0 else NOT_CONVERGED)
 
 
 @njit
-def forget(bend: Array) -> None:
+def reset_hessian(hessian: Array) -> None:
     """Begin with the same slight curvature in every direction."""
     for i in range(6):
         for j in range(6):
-            bend[i, j] = 0.5 if i == j else 0.0
+            hessian[i, j] = 0.5 if i == j else 0.0
 
 
 @njit
-def bear(
+def contact_forces(
     rover: Array,
     q: Array,
     slope: Array,
@@ -316,14 +316,14 @@ def bear(
 
 
 @njit
-def learn(bend: Array, moved: Array, pull: Array, old_pull: Array) -> None:
+def bfgs_update(hessian: Array, moved: Array, pull: Array, old_pull: Array) -> None:
     """Powell's damped BFGS update of the curvature from how the pull changed along the way."""
     bs = np.empty(6)
     sbs = sy = 0.0
     for i in range(6):
         bs[i] = 0.0
         for j in range(6):
-            bs[i] += bend[i, j] * moved[j]
+            bs[i] += hessian[i, j] * moved[j]
     for i in range(6):
         sbs += moved[i] * bs[i]
         sy += moved[i] * (pull[i] - old_pull[i])
@@ -337,13 +337,15 @@ def learn(bend: Array, moved: Array, pull: Array, old_pull: Array) -> None:
         sy += moved[i] * y[i]
     for i in range(6):
         for j in range(6):
-            bend[i, j] += y[i] * y[j] / sy - bs[i] * bs[j] / sbs
+            hessian[i, j] += y[i] * y[j] / sy - bs[i] * bs[j] / sbs
     for i in range(6):
-        bend[i, i] += 1e-6
+        hessian[i, i] += 1e-6
 
 
 @njit
-def judge(rover: Array, q: Array, gap: Array, owner: NDArray[np.int64], force: Array, count: int, report: Array) -> int:
+def classify_equilibrium(
+    rover: Array, q: Array, gap: Array, owner: NDArray[np.int64], force: Array, count: int, report: Array
+) -> int:
     """Forces and flags of a pose at rest, and its status."""
     report[:] = 0.0
     for i in range(6):

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from ..jit.decorators import inlined, njit
 from ..model.ground import Ground, surface
-from ..model.linkage import BOGIE_L, BOGIE_R, P_HUB, P_PIVOT, P_RADIUS, P_STOPS, ROCKER, Z, slope_row, stand
+from ..model.linkage import BOGIE_L, BOGIE_R, P_HUB, P_PIVOT, P_RADIUS, P_STOPS, ROCKER, Z, forward_kinematics, gap_jacobian_row
+from ..model.tolerances import MAX_STEP_ANGLE
 from ..model.wheel import COSINE, GAP, HX, HY, HZ, PLACE, RADIUS, SIN, contact_slope, tread_point
 from ..search.tread import BLANK, FOUND, OFF, least_gap
 from ..search.workspace import Work
@@ -69,13 +70,13 @@ def stand_on_hubs(ground: Ground, rover: Array, x: float, y: float, cy: float, s
     """A first step, cheap: as if each wheel stood on the ground right under its hub, and that were level."""
     grid, _, meta = ground
     wheels, rows, step = work.wheels, work.rows, work.step
-    if not stand(rover, work.feet, x, y, cy, sy, q, work.axes, work.knees, wheels):
+    if not forward_kinematics(rover, work.hub_offsets, x, y, cy, sy, q, work.axes, work.pivots, wheels):
         return
     for i in range(6):
         w = wheels[i]
         h = surface(grid, meta, w[HX], w[HY])[0]
         low = w[HZ] - w[RADIUS]
-        slope_row(rover, q, cy, sy, work.axes, work.knees, i, w[HX] - x, w[HY] - y, low - q[Z], 0.0, 0.0, rows[i])
+        gap_jacobian_row(rover, q, cy, sy, work.axes, work.pivots, i, w[HX] - x, w[HY] - y, low - q[Z], 0.0, 0.0, rows[i])
         step[i] = h - low
     if solve_linkage(rows, step):
         move(q, step)
@@ -83,11 +84,11 @@ def stand_on_hubs(ground: Ground, rover: Array, x: float, y: float, cy: float, s
 
 @njit
 def move(q: Array, step: Array) -> None:
-    """Take a step, shortened where it would turn anything by more than `STRIDE`."""
+    """Take a step, shortened where it would turn anything by more than `MAX_STEP_ANGLE`."""
     big = 0.0
     for k in range(1, 6):
         big = max(big, abs(step[k]))
-    scale = min(1.0, STRIDE / big) if big > 0.0 else 1.0
+    scale = min(1.0, MAX_STEP_ANGLE / big) if big > 0.0 else 1.0
     for k in range(6):
         q[k] += scale * step[k]
 
@@ -113,10 +114,10 @@ def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: floa
         tread over the map's edge or missing data; -1 if Newton did not converge.
     """
     grid, _, meta = ground
-    axes, knees, wheels, rows, step, touch = work.axes, work.knees, work.wheels, work.rows, work.step, work.touch
+    axes, pivots, wheels, rows, step, touch = work.axes, work.pivots, work.wheels, work.rows, work.step, work.touch
     whole = True
     for it in range(STEPS):
-        if not stand(rover, work.feet, x, y, cy, sy, q, axes, knees, wheels):
+        if not forward_kinematics(rover, work.hub_offsets, x, y, cy, sy, q, axes, pivots, wheels):
             return -1
         worst = 0.0
         coverage = FOUND
@@ -140,7 +141,9 @@ def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: floa
             t, w = touch[i], wheels[i]
             px, py, pz = tread_point(w, t[SIN], t[COSINE], t[PLACE])
             gx, gy = contact_slope(grid, meta, w, t[SIN], t[COSINE], t[PLACE])
-            slope_row(rover, q, cy, sy, axes, knees, i, w[HX] - x + px, w[HY] - y + py, w[HZ] - q[Z] + pz, gx, gy, rows[i])
+            gap_jacobian_row(
+                rover, q, cy, sy, axes, pivots, i, w[HX] - x + px, w[HY] - y + py, w[HZ] - q[Z] + pz, gx, gy, rows[i]
+            )
             step[i] = -t[GAP]
         if not solve_linkage(rows, step):
             return -1
@@ -158,7 +161,6 @@ STARTS = 32
 STRAYED = 8  # starts that may put a wheel wholly off the known terrain before the place itself counts as off it
 FOUND_OVER = 8  # added to OFF or BLANK
 EDGE_STARTS = 3  # starts that may lead to a pose across the map's edge before the place counts as off the map
-STRIDE = 0.3  # rad, the longest step
 WIDEST = 1.4  # rad: a settled joint or attitude beyond this is the linkage folded over, not standing
 
 

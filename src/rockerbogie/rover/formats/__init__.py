@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .import_build import Import, build_rover
+from .import_build import Import, ImportResult, build_rover
 from .load import import_rover, load_rover, presets, read_details, read_tree
 from .sdf import to_sdf
 from .toml_write import schema, to_toml
@@ -10,6 +10,7 @@ from .urdf import to_urdf
 
 __all__ = [
     "Import",
+    "ImportResult",
     "build_rover",
     "import_rover",
     "load_rover",

@@ -24,19 +24,28 @@ RADIUS_SHARE = 0.12
 
 
 @dataclass(frozen=True)
-class Import:
+class ImportResult:
     """A rover read from a robot file, and what became of the file on the way."""
 
     rover: Rover
     found: tuple[str, ...]  # read from the file
     guessed: tuple[str, ...]  # not in the file: look at each, and overrule what is wrong
-    mended: tuple[str, ...]  # in the file, and not as a rover has it
+    repaired: tuple[str, ...]  # in the file, and not as a rover has it
 
     def __str__(self) -> str:
         lines = [f"rover {self.rover.name!r}"]
-        for label in ("found", "guessed", "mended"):
+        for label in ("found", "guessed", "repaired"):
             lines += [f"  {label}: {line}" for line in getattr(self, label)]
         return "\n".join(lines)
+
+    @property
+    def mended(self) -> tuple[str, ...]:
+        """Return `repaired`, by its old name."""
+        return self.repaired
+
+
+#: Old name of `ImportResult`.
+Import = ImportResult
 
 
 def build_rover(
@@ -48,7 +57,7 @@ def build_rover(
     up: str | None = None,
     joints: dict[str, Sequence[str]] | None = None,
     **overrule: Any,
-) -> Import:
+) -> ImportResult:
     """A rover from a tree; see `import_rover` for the arguments."""
     roles = find_roles(tree, what, joints or {}, forward, up)
     reader = _Reader(tree, what, roles, scale)
@@ -75,7 +84,7 @@ def build_rover(
     check_size(rover, what)
     if overrule:
         roles.found.append(f"overruled by you: {', '.join(overrule)}")
-    return Import(rover, tuple(roles.found), tuple(roles.guessed), tuple(roles.mended))
+    return ImportResult(rover, tuple(roles.found), tuple(roles.guessed), tuple(roles.repaired))
 
 
 class _Reader:
@@ -86,7 +95,7 @@ class _Reader:
         self.turn = roles.axes.T
         self.T = tree.rest()
         if tree.notes:
-            roles.mended.extend(tree.notes)
+            roles.repaired.extend(tree.notes)
         names = [w.joint.name for w in roles.wheels]
         roles.found.append(f"wheels {', '.join(names)}")
         roles.found.append(f"bogies {', '.join(b.joint.name for b in roles.bogies)}")
@@ -122,14 +131,14 @@ class _Reader:
                     f"{self.what}: its rockers are one piece with the body and no joint marks where they turn: "
                     "give rocker_pivot=(x, y, z) of the left one (--set linkage.rocker_pivot_m=[x,y,z])"
                 )
-            self.roles.mended.append("the rockers are one piece with the body: cut loose at the pivot given")
+            self.roles.repaired.append("the rockers are one piece with the body: cut loose at the pivot given")
             return np.zeros((2, 3))  # overruled
         pivots = self.points(rockers)
         arms = [a for a in self.roles.arms if a is not None]
         if arms:
             astray = float(np.abs((self.points(arms) - pivots)[:, [0, 2]]).max())
             line = "each rocker comes in two arms with a joint of its own; joined into one"
-            self.roles.mended.append(line + (f" at the bogie's arm, {astray:.3g} m from the wheel's" if astray > 1e-6 else ""))
+            self.roles.repaired.append(line + (f" at the bogie's arm, {astray:.3g} m from the wheel's" if astray > 1e-6 else ""))
         return pivots
 
     def steering_offset(self, hubs: Array) -> Array:
@@ -146,7 +155,7 @@ class _Reader:
                 )
             offset[i] = (point + axis * (hubs[i, 2] - point[2]) / axis[2] - hubs[i])[:2]
             if (lean := np.degrees(np.arccos(min(1.0, abs(axis[2]))))) > 1e-4:
-                self.roles.mended.append(f"steering axis {steer.joint.name!r} leans {lean:.2g} deg; stood upright")
+                self.roles.repaired.append(f"steering axis {steer.joint.name!r} leans {lean:.2g} deg; stood upright")
         return offset
 
     def treads(self, hubs: Array, overrule: dict[str, Any]) -> tuple[Array, Array]:
@@ -214,11 +223,11 @@ class _Reader:
                 check_ratio(ratio, self.what)
                 self.roles.found.append(f"differential: right = {ratio:g} left")
                 return np.array([0.0, ratio])
-            self.roles.mended.append(
+            self.roles.repaired.append(
                 f"the rockers were tied to turn alike (ratio {ratio:g}); closed with the ideal differential, -1"
             )
         elif not self.roles.freed:
-            self.roles.mended.append("nothing ties the two rockers: closed with the ideal differential, right = -left")
+            self.roles.repaired.append("nothing ties the two rockers: closed with the ideal differential, right = -left")
         return np.array(IDEAL_DIFFERENTIAL)
 
     def _tie(self, name: str) -> tuple[str, float]:
@@ -247,11 +256,11 @@ class _Reader:
                 continue  # beyond a half turn: no stop
             a, b = sorted((a, b))
             if not a <= 0 <= b or a == b:
-                self.roles.mended.append(f"the stops of {hinge.joint.name!r} ({a:g}, {b:g} rad) leave out its rest; left out")
+                self.roles.repaired.append(f"the stops of {hinge.joint.name!r} ({a:g}, {b:g} rad) leave out its rest; left out")
                 continue
             low, high = max(low, a if a > -np.pi else -np.inf), min(high, b if b < np.pi else np.inf)
         if not low < high:
-            self.roles.mended.append(f"the stops given for the {label} leave no room between them; left out")
+            self.roles.repaired.append(f"the stops given for the {label} leave no room between them; left out")
             return np.array([-np.inf, np.inf])
         if np.isinf(low) and np.isinf(high):
             self.roles.found.append(f"no stops for the {label}")
@@ -355,7 +364,7 @@ class _Reader:
             if mass is None:
                 self.roles.guessed.append("mass: the file has none; the rule of thumb for its wheelbase is taken")
             else:
-                self.roles.mended.append("the file has no masses: yours is shared by rule of thumb")
+                self.roles.repaired.append("the file has no masses: yours is shared by rule of thumb")
             return {} if mass is None else {"mass": mass}
         if mass is not None:
             parts = [Link(p.mass * mass / total, p.com, p.inertia * mass / total) for p in parts]
@@ -369,7 +378,9 @@ class _Reader:
                 impossible.append(name)
                 parts[k] = Link(part.mass, part.com, typical[k].inertia * (part.mass / typical[k].mass))
         if weightless:
-            self.roles.mended.append(f"no mass in the file, left so: {', '.join(weightless)}")
+            self.roles.repaired.append(f"no mass in the file, left so: {', '.join(weightless)}")
         if impossible:
-            self.roles.mended.append(f"an inertia no body can have, taken from its shape in place of it: {', '.join(impossible)}")
+            self.roles.repaired.append(
+                f"an inertia no body can have, taken from its shape in place of it: {', '.join(impossible)}"
+            )
         return {"body": parts[0], "rockers": parts[1:3], "bogies": parts[3:5], "wheels": parts[5:]}

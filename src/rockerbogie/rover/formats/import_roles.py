@@ -52,7 +52,7 @@ class Roles:
     freed: bool = False  # the rockers were fixed
     found: list[str] = field(default_factory=list)
     guessed: list[str] = field(default_factory=list)
-    mended: list[str] = field(default_factory=list)
+    repaired: list[str] = field(default_factory=list)
 
 
 def find_roles(tree: Tree, what: str, joints: dict[str, Sequence[str]], forward: str | None, up: str | None) -> Roles:
@@ -249,7 +249,7 @@ class _Search:
         ]
         if tilted:
             worst = max(np.degrees(np.arccos(min(1.0, abs(h.axis @ left)))) for h in (*pivots, *wheels) if h.joint.name in tilted)
-            roles.mended.append(f"{len(tilted)} hinges lie up to {worst:.2g} deg off the rover's left; taken as lying along it")
+            roles.repaired.append(f"{len(tilted)} hinges lie up to {worst:.2g} deg off the rover's left; taken as lying along it")
         return roles
 
     def _frame(
@@ -293,7 +293,7 @@ class _Search:
             )
         left /= np.linalg.norm(left)
         if upright @ (0, 0, 1) < 0.5:
-            roles.mended.append(f"up is {_say(upright)} of its frame: turned")
+            roles.repaired.append(f"up is {_say(upright)} of its frame: turned")
         return np.stack([np.cross(left, upright), left, upright], axis=1)
 
     def fixed_pivots(self, roles: Roles) -> list[str] | None:

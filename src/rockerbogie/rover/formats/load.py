@@ -12,7 +12,7 @@ from typing import Any
 
 from ...errors import RoverError, unknown_name
 from ..model import Rover
-from .import_build import Import, build_rover
+from .import_build import ImportResult, build_rover
 from .mjcf import read_mjcf
 from .safe_xml import MAX_BYTES, parse_xml
 from .sdf import read_sdf
@@ -60,9 +60,9 @@ def load_rover(name_or_path: str | Path) -> Rover:
     if path.suffix.lower() == ".toml":
         return read_toml(_decoded(_read(path), path.name), name=path.stem)
     result = import_rover(path)
-    if result.guessed or result.mended:
+    if result.guessed or result.repaired:
         warnings.warn(
-            f"{path.name}: {len(result.guessed)} things guessed, {len(result.mended)} mended; import_rover says which",
+            f"{path.name}: {len(result.guessed)} things guessed, {len(result.repaired)} mended; import_rover says which",
             stacklevel=2,
         )
     return result.rover
@@ -76,7 +76,7 @@ def import_rover(
     up: str | None = None,
     joints: dict[str, Sequence[str]] | None = None,
     **overrule: Any,
-) -> Import:
+) -> ImportResult:
     """A rover from a robot description, found by structure: which hinge carries what, not how it is called.
 
     Args:
