@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from .motion.path_files import Route as Route
     from .motion.slip import wheel_slip as wheel_slip
     from .motion.wheel_commands import wheel_commands as wheel_commands
+    from .rotations import body_transform as body_transform
     from .rover.differential import DifferentialBar as DifferentialBar
     from .rover.formats import Import as Import
     from .rover.formats import ImportResult as ImportResult
@@ -50,7 +51,6 @@ if TYPE_CHECKING:
     from .rover.formats import to_sdf as to_sdf
     from .rover.formats import to_toml as to_toml
     from .rover.formats import to_urdf as to_urdf
-    from .rover.frames import body_transform as body_transform
     from .rover.frames import contact_frames as contact_frames
     from .rover.frames import dh_table as dh_table
     from .rover.frames import wheel_frames as wheel_frames
@@ -87,7 +87,7 @@ _EXPORTS = {
     "to_sdf": "rover.formats",
     "wheel_frames": "rover.frames",
     "contact_frames": "rover.frames",
-    "body_transform": "rover.frames",
+    "body_transform": "rotations",
     "dh_table": "rover.frames",
     "Terrain": "terrain.heightfield",
     "surfaces": "terrain",

@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.colors import to_rgb
 from numpy.typing import ArrayLike, NDArray
 
-from ..rover.frames import ON_BOGIE, WHEEL_SIDE, rotation_y, wheel_frames
+from ..rotations import rotation_y
+from ..rover.frames import ON_BOGIE, WHEEL_SIDE, wheel_frames
 from ..rover.model import Rover
 from .render import Mesh
 from .style import LEFT, RIGHT

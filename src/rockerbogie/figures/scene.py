@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
-from ..rover.frames import body_transform
+from ..rotations import body_transform, wrap_angle
 from ..rover.model import Rover
 from ..terrain.heightfield import Terrain
 from .render import Camera, Mesh, render
@@ -57,7 +57,7 @@ def picture_height(azimuth: float, elevation: float, mesh: Mesh, width: int, roo
 def sunlit(mesh: Mesh, camera: Camera, yaw: float, grid: float) -> Array:
     """The picture (height, width, 4), lit over that shoulder of the viewer which a rover heading `yaw` turns its side to."""
     azimuth = float(np.arctan2(-camera.axes[2, 1], -camera.axes[2, 0]))
-    to_left, to_right = (_wrap(yaw + side - azimuth) for side in (np.pi / 2, -np.pi / 2))
+    to_left, to_right = (wrap_angle(yaw + side - azimuth) for side in (np.pi / 2, -np.pi / 2))
     beside = to_left if abs(to_left) < abs(to_right) else to_right
     sun = azimuth + float(np.clip(beside, -_SUN_BESIDE, _SUN_BESIDE))
     return render(mesh, camera, sun=(sun, _SUN_HEIGHT), grid=grid)
@@ -69,10 +69,6 @@ def draw(ax: Axes, mesh: Mesh, camera: Camera, yaw: float, grid: float) -> None:
     ax.set_xlim(0, camera.size[0])
     ax.set_ylim(camera.size[1], 0)
     ax.set_axis_off()
-
-
-def _wrap(angle: float) -> float:
-    return float((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
 def rule_block(ax: Axes, camera: Camera, bounds: Bounds, base: float, origin: tuple[float, float] = (0.0, 0.0)) -> None:

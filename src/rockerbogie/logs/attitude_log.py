@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RockerbogieError, unknown_name
+from ..rotations import euler_angles
 from ..rover.model import Rover
 from ..tables import HEAD, PLAIN, SCALES
 
@@ -272,8 +273,4 @@ def _rotation(parts: list[Array], file: str) -> Array:
 
 def _angles(R: Array) -> dict[str, Array]:
     """Roll, pitch, yaw (n,) of R = Rz(yaw) Ry(pitch) Rx(roll)."""
-    return {
-        "roll": np.arctan2(R[:, 2, 1], R[:, 2, 2]),
-        "pitch": -np.arcsin(np.clip(R[:, 2, 0], -1, 1)),
-        "yaw": np.arctan2(R[:, 1, 0], R[:, 0, 0]),
-    }
+    return dict(zip(("roll", "pitch", "yaw"), euler_angles(R), strict=True))

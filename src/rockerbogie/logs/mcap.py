@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RockerbogieError
+from ..rotations import body_transform, quaternion_angles
 from ..rover.formats import to_urdf
 from ..rover.formats.tree import tree_of
-from ..rover.frames import body_transform
 from ..rover.model import Rover
 
 if TYPE_CHECKING:
@@ -62,9 +62,7 @@ def _imu_row(message: Any) -> dict[str, float]:
         row |= {f"gyro_{k}": float(getattr(message.angular_velocity, k)) for k in "xyz"}
     q = message.orientation
     if message.orientation_covariance[0] >= 0 and abs(q.x**2 + q.y**2 + q.z**2 + q.w**2 - 1) < 0.01:
-        row["roll"] = float(np.arctan2(2 * (q.w * q.x + q.y * q.z), 1 - 2 * (q.x**2 + q.y**2)))
-        row["pitch"] = float(np.arcsin(np.clip(2 * (q.w * q.y - q.z * q.x), -1, 1)))
-        row["yaw"] = float(np.arctan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y**2 + q.z**2)))
+        row["roll"], row["pitch"], row["yaw"] = quaternion_angles(q.w, q.x, q.y, q.z)
     return row
 
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from ..errors import RockerbogieError
 from ..motion.body_twist import Motion, SensorNoise, body_twist
 from ..motion.jacobian import SimpleStance, contact_rows
-from ..rover.frames import body_transform, contact_frames, wheel_frames
+from ..rotations import body_transform, euler_angles
+from ..rover.frames import contact_frames, wheel_frames
 from ..rover.model import Rover
 from ..settling.settle import settle
 from ..terrain.heightfield import Terrain
@@ -322,14 +323,15 @@ def _dataset(rover: Rover, s: _Sensors, T: Array, motion: Motion, contact_angle:
         """Over intervals, as read at their ends; at the start there is none."""
         return np.concatenate([np.full((1, *values.shape[1:]), np.nan), values])
 
-    p, R = T[:, :3, 3], T[:, :3, :3]
+    p = T[:, :3, 3]
+    roll, pitch, yaw = euler_angles(T[:, :3, :3])
     values: dict[str, tuple[tuple[str, ...], Any, str, str]] = {
         "x": (("time",), p[:, 0], "m", "x of the body's reference point"),
         "y": (("time",), p[:, 1], "m", "y of the body's reference point"),
         "z": (("time",), p[:, 2], "m", "height of the body's reference point"),
-        "roll": (("time",), np.arctan2(R[:, 2, 1], R[:, 2, 2]), "rad", "roll of the body, left side up positive"),
-        "pitch": (("time",), -np.arcsin(np.clip(R[:, 2, 0], -1, 1)), "rad", "pitch of the body, nose down positive"),
-        "yaw": (("time",), np.unwrap(np.arctan2(R[:, 1, 0], R[:, 0, 0])), "rad", "heading of the body from +x"),
+        "roll": (("time",), roll, "rad", "roll of the body, left side up positive"),
+        "pitch": (("time",), pitch, "rad", "pitch of the body, nose down positive"),
+        "yaw": (("time",), np.unwrap(yaw), "rad", "heading of the body from +x"),
         "twist": (("time", "component"), late(motion.twist), "m/s, rad/s", "velocity of the body in its own frame"),
         "contact_angle": (("time", "wheel"), late(contact_angle), "rad", "contact angle on the rim"),
         "roll_slip": (("time", "wheel"), late(motion.residual[..., 0]), "m/s", "slip along the wheel's way"),

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..rotations import wrap_angle
 from ..rover.model import Rover
 
 Array = NDArray[np.float64]
@@ -68,7 +69,7 @@ def grid_steps(heading: Array, cell: tuple[float, float] = (1.0, 1.0)) -> list[t
     steps: list[tuple[int, int]] = [(0, 0)] * len(heading)
     for k, index in enumerate(order):
         room = {1: min(gap[k], pi) / 2, -1: min(gap[k - 1], pi) / 2}  # to the left, to the right
-        off = {s: _turn(np.arctan2(s[1] * cell[1], s[0] * cell[0]) - heading[index]) for s in straight}
+        off = {s: wrap_angle(np.arctan2(s[1] * cell[1], s[0] * cell[0]) - heading[index]) for s in straight}
         fits = [s for s in straight if abs(off[s]) < room[1 if off[s] > 0 else -1] * (1 - 1e-9)]
         steps[index] = min(fits, key=lambda s: (hypot(*s), abs(off[s])), default=(0, 0))
     return steps
@@ -191,14 +192,9 @@ def _arc(
 
 def _neighbours(heading: Array, k: int) -> Iterator[tuple[int, float]]:
     """The next headings to the left and to the right of heading k, and how far they are, rad."""
-    off = np.array([_turn(h - heading[k]) for h in heading])
+    off = np.array([wrap_angle(h - heading[k]) for h in heading])
     for side in (1, -1):
         ahead = np.flatnonzero((side * off > 1e-9) & (side * off <= WIDEST_TURN + 1e-9))
         if ahead.size:
             nearest = int(ahead[np.argmin(side * off[ahead])])
             yield nearest, float(abs(off[nearest]))
-
-
-def _turn(angle: float) -> float:
-    """An angle within half a turn either way, rad."""
-    return float((angle + pi) % (2 * pi) - pi)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..errors import PathError, RockerbogieError, RoverError, expect
 from ..motion.path_files import Route
+from ..rotations import wrap_angle
 from ..rover.formats import load_rover
 from ..rover.model import LOAD_ROVER, Rover
 from .files import cell_size, read_map
@@ -143,7 +144,7 @@ def _states(layers: _Layers, place: Sequence[float], name: str) -> list[State]:
     if abs(layers.x[col] - x) > reach[0] or abs(layers.y[row] - y) > reach[1]:
         spans = [f"({axes[0][k]:.10g}, {axes[1][k]:.10g})" for axes in ((layers.x, layers.y),) for k in (0, -1)]
         raise PathError(f"the {name} ({x:.10g}, {y:.10g}) m is off the map, whose cells lie from {spans[0]} to {spans[1]} m")
-    off = np.abs((layers.heading - values[2] + np.pi) % (2 * np.pi) - np.pi) if len(values) == 3 else None
+    off = np.abs(wrap_angle(layers.heading - values[2])) if len(values) == 3 else None
     headings = range(len(layers.heading)) if off is None else [int(off.argmin())]
     states = [(k, row, col) for k in headings if layers.passable[k, row, col]]
     if states:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import PathError
+from ..rotations import wrap_angle
 
 Array = NDArray[np.float64]
 
@@ -82,7 +83,7 @@ class Path:
         if not 0 < radius < np.inf:
             raise PathError(f"radius is {radius} m; give a finite turning radius above 0")
         leg, way = _legs(p[:, 0], p[:, 1])
-        turn = (np.diff(way) + np.pi) % (2 * np.pi) - np.pi
+        turn = wrap_angle(np.diff(way))
         for k in np.flatnonzero(np.abs(turn) > SHARPEST_CORNER):
             raise PathError(f"the path turns back on itself at waypoint {k + 2}: drive it as two paths, or put a point beside it")
         cut = np.concatenate([[0.0], radius * np.tan(np.abs(turn) / 2), [0.0]])  # off the legs at each point

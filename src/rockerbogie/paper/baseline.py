@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import RockerbogieError
-from ..rover.frames import ON_BOGIE, WHEEL_SIDE, body_transform, wheel_frames
+from ..rotations import body_transform
+from ..rover.frames import ON_BOGIE, WHEEL_SIDE, wheel_frames
 from ..rover.model import Rover
 from ..settling.pose import Pose
 from ..settling.status import Status

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import once, spanned
 from ..errors import RockerbogieError, expect
+from ..rotations import rotation_y, rotation_z
 from .model import LOAD_ROVER, Rover
 
 Array = NDArray[np.float64]
@@ -98,42 +99,6 @@ def contact_frames(rover: Rover, axle: ArrayLike, contact_angle: ArrayLike) -> A
     T[..., :3, 3] = -rover.wheel_radius[:, None] * T[..., :3, 2]
     T[..., 3, 3] = 1.0
     return np.asarray(axle, dtype=float) @ T
-
-
-def body_transform(x: ArrayLike, y: ArrayLike, z: ArrayLike, roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike) -> Array:
-    """T_world_body (..., 4, 4) = Rz(yaw) Ry(pitch) Rx(roll) at (x, y, z) (eq. 10, mended)."""
-    parts = np.broadcast_arrays(*(np.asarray(a, dtype=float) for a in (x, y, z, roll, pitch, yaw)))
-    T = np.zeros((*parts[0].shape, 4, 4))
-    T[..., :3, :3] = rotation_z(parts[5]) @ rotation_y(parts[4]) @ rotation_x(parts[3])
-    T[..., :3, 3] = np.stack(parts[:3], axis=-1)
-    T[..., 3, 3] = 1.0
-    return T
-
-
-def rotation_x(angle: ArrayLike) -> Array:
-    """(..., 3, 3) about x."""
-    return _rotation(angle, 1, 2)
-
-
-def rotation_y(angle: ArrayLike) -> Array:
-    """(..., 3, 3) about y: positive is nose down."""
-    return _rotation(angle, 2, 0)
-
-
-def rotation_z(angle: ArrayLike) -> Array:
-    """(..., 3, 3) about z."""
-    return _rotation(angle, 0, 1)
-
-
-def _rotation(angle: ArrayLike, i: int, j: int) -> Array:
-    a = np.asarray(angle, dtype=float)
-    R = np.zeros((*a.shape, 3, 3))
-    k = 3 - i - j
-    R[..., k, k] = 1.0
-    R[..., i, i] = R[..., j, j] = np.cos(a)
-    R[..., j, i] = np.sin(a)
-    R[..., i, j] = -R[..., j, i]
-    return R
 
 
 @dataclass(frozen=True)

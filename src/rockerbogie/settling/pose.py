@@ -14,7 +14,7 @@ from .._kernels.jit.decorators import parallel_for
 from .._kernels.solve import equilibrium
 from ..arrays import flat, flat_steering
 from ..errors import RockerbogieError
-from ..rover.frames import body_transform
+from ..rotations import body_transform
 from ..rover.model import Rover
 from ..terrain.heightfield import Terrain
 

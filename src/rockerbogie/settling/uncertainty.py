@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..rotations import wrap_angle
 from ..rover.model import Rover
 from ..terrain.heightfield import Terrain
 from ..terrain.roughness import Roughness, correlated_error, draw_ground, wave_numbers
@@ -52,7 +53,7 @@ def stands(x: Array, y: Array, yaw: Array) -> tuple[NDArray[np.int64], NDArray[n
         first, stand = [0], np.zeros(len(x), dtype=np.int64)
         for n in range(1, len(x)):
             k = first[-1]
-            turned = abs((yaw[n] - yaw[k] + np.pi) % (2 * np.pi) - np.pi)
+            turned = abs(wrap_angle(yaw[n] - yaw[k]))
             if np.hypot(x[n] - x[k], y[n] - y[k]) > moved or turned > TURNED * moved / MOVED:
                 first.append(n)
             stand[n] = len(first) - 1

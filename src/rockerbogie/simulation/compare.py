@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from .._version import __version__
 from ..errors import RockerbogieError
 from ..motion.drive import summary
+from ..rotations import wrap_angle
 from ..rover.model import Rover
 from ..settling.dataset import SCENE, VARIABLES, run_dataset
 from ..settling.settle import settle
@@ -118,7 +119,7 @@ def compare(run: xr.Dataset, sim: xr.Dataset) -> Comparison:
         difference = run[name].to_numpy() - sim[name].to_numpy()
         unit = sim[name].attrs["units"]
         if unit == "rad":
-            difference = _wrap(difference)
+            difference = wrap_angle(difference)
         labels = [name] if dim is None else [f"{name} {label}".replace("_", " ") for label in sim[dim].to_numpy()]
         channels += [
             _channel(label, unit, column, distance) for label, column in zip(labels, np.atleast_2d(difference.T), strict=True)
@@ -131,7 +132,7 @@ def _elsewhere(run: xr.Dataset, sim: xr.Dataset) -> str:
     if run.sizes["time"] != sim.sizes["time"]:
         return f"have {run.sizes['time']} and {sim.sizes['time']} records"
     apart = max(float(np.abs(run[name].to_numpy() - sim[name].to_numpy()).max()) for name in ("x", "y"))
-    turned = float(np.abs(_wrap(run["yaw"].to_numpy() - sim["yaw"].to_numpy())).max())
+    turned = float(np.abs(wrap_angle(run["yaw"].to_numpy() - sim["yaw"].to_numpy())).max())
     if max(apart, turned) <= SAME_PLACE:
         return ""
     return f"stand up to {apart:.3g} m and {np.degrees(turned):.3g} deg apart, where angles differ anyway"
@@ -146,7 +147,3 @@ def _channel(name: str, unit: str, difference: Array, distance: Array) -> Channe
     return Channel(
         name, unit, float(np.sqrt(np.mean(difference[known] ** 2))), float(size[k]), float(distance[k]), int(known.sum())
     )
-
-
-def _wrap(angle: Array) -> Array:
-    return (angle + np.pi) % (2 * np.pi) - np.pi

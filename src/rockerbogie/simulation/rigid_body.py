@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RockerbogieError
+from ..rotations import quaternion_angles
 from ..rover.model import Rover
 from ..settling.pose import Pose
 from .mjcf import SIDES
@@ -97,7 +98,7 @@ class Rig:
     def heading(self) -> tuple[float, float, float]:
         """x, y (m) and yaw (rad) of the body."""
         x, y, _, qw, qx, qy, qz = self.data.qpos[:7]
-        return float(x), float(y), float(np.arctan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy**2 + qz**2)))
+        return float(x), float(y), quaternion_angles(qw, qx, qy, qz)[2]
 
     @property
     def hubs(self) -> Array:

@@ -18,6 +18,7 @@ from ..motion.drive import ackermann, drive, summary
 from ..motion.jacobian import SimpleStance
 from ..motion.path import Path
 from ..motion.slip import slip_ratio
+from ..rotations import euler_angles, wrap_angle
 from ..rover.frames import check_steering, wheel_frames
 from ..rover.model import LOAD_ROVER, Rover
 from ..settling.dataset import VARIABLES, run_dataset
@@ -234,7 +235,7 @@ def _follower(rover: Rover, terrain: Terrain, path: Path, speed: float) -> Drive
         c, s = np.cos(at.course), np.sin(at.course)
         ahead, across = c * (x - at.x) + s * (y - at.y), c * (y - at.y) - s * (x - at.x)
         inward = np.arctan(at.curvature * fixed)
-        off = (yaw - at.yaw - inward + np.pi) % (2 * np.pi) - np.pi
+        off = wrap_angle(yaw - at.yaw - inward)
         v = np.clip(speed - ALONG_GAIN * ahead, 0.0, MOST_HASTE * speed)
         bend = -np.clip(YAW_GAIN * off / size + ACROSS_GAIN * across / size**2, -MOST_BEND / size, MOST_BEND / size)
         angle = ackermann(rover, at.curvature + bend, at.course - at.yaw - inward)
@@ -273,8 +274,8 @@ def _measured(rover: Rover, terrain: Terrain, records: list[Record], attrs: dict
     got = {name: np.array([getattr(record, name) for record in records]) for name in Record.__dataclass_fields__}
     time = got["time"] - got["time"][0]
     xyz, R = got["place"][:, :3], _rotation(got["place"][:, 3:])
-    roll, pitch = np.arctan2(R[:, 2, 1], R[:, 2, 2]), -np.arcsin(np.clip(R[:, 2, 0], -1, 1))
-    yaw = np.unwrap(np.arctan2(R[:, 1, 0], R[:, 0, 0]))
+    roll, pitch, turned = euler_angles(R)
+    yaw = np.unwrap(turned)
     q = np.stack([xyz[:, 2], roll, pitch, got["hinge"][:, 0], *got["hinge"][:, 2:].T], axis=-1)
     pose = Pose(rover, terrain, xyz[:, 0], xyz[:, 1], yaw, got["steering"], q, np.zeros(len(time), dtype=np.uint8))
     axle = pose.T_world_body[:, None] @ wheel_frames(rover, pose.rocker, pose.bogie, pose.steering)
