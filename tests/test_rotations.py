@@ -24,7 +24,7 @@ def test_body_transform_equals_scipy() -> None:
 
 @pytest.mark.parametrize(("rotation", "axis"), [(rotation_x, "x"), (rotation_y, "y"), (rotation_z, "z")])
 def test_axis_rotation_equals_scipy(rotation, axis: str) -> None:
-    expected = Rotation.from_euler(axis, YAW.ravel()).as_matrix().reshape(4, 25, 3, 3)
+    expected = Rotation.from_euler(axis, YAW.reshape(-1, 1)).as_matrix().reshape(4, 25, 3, 3)
     assert_close(rotation(YAW), expected, 1e-15, "", "the same rotation")
 
 
