@@ -63,7 +63,7 @@ def test_a_new_rover(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     file = str(tmp_path / "my.toml")
     assert main(["rovers", "new", file, "--like", "osr"]) == 0
     assert np.array_equal(rb.load_rover(file).hubs, rb.load_rover("osr").hubs)
-    assert "is there already" in refused(capsys, "rovers", "new", file)
+    assert "exists and may have been edited" in refused(capsys, "rovers", "new", file)
     assert "should end in .toml" in refused(capsys, "rovers", "new", "my.txt")
     assert main(["rovers", file]) == 0
     assert "started from the preset osr" in capsys.readouterr().out
@@ -103,7 +103,7 @@ def test_an_import(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*words, "--joint", "rockers=left_1_joint,right_1_joint"]) == 0
     said = capsys.readouterr().out
     assert "found: wheels left_0_wheel_joint" in said
-    assert "mended: nothing ties the two rockers" in said
+    assert "repaired: nothing ties the two rockers" in said
     rover = rb.load_rover(out)
     np.testing.assert_allclose(rover.hubs, truth.hubs, atol=1e-9)
     np.testing.assert_allclose(np.degrees(rover.bogie_limits), [-20, 20])
@@ -168,6 +168,7 @@ def test_exports_a_world(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
 def test_bad_calls(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "did you mean 'curiosity'?" in refused(capsys, "rovers", "curiousity")
     assert "does not say which format" in refused(capsys, "export", "osr", "-o", str(tmp_path / "x.zip"))
+    (tmp_path / "none").write_text("")
     assert "cannot write" in refused(capsys, "export", "osr", "-o", str(tmp_path / "none" / "x.urdf"))
     assert "should end in .png" in refused(capsys, "rovers", "osr", "-o", "x.bmp")
     assert "which rover is to be drawn" in refused(capsys, "rovers", "-o", "x.png")

@@ -13,7 +13,8 @@ from rich.table import Table
 from .. import bench as stopwatch
 from ..bench.tables import tables
 from ..errors import RockerbogieError
-from .common import Json, print_json, progress
+from ..outputs import SOURCE
+from .common import Force, Json, guard_outputs, make_folder, print_json, progress
 
 #: Between these lines of a page go the tables.
 MARK, END = "<!-- bench -->", "<!-- end of bench -->"
@@ -29,6 +30,7 @@ def bench(
     compare: Path | None = None,
     json: Json = False,
     markdown: Path | None = None,
+    force: Force = False,
 ) -> None:
     """Time settling beside fsolve and MuJoCo, Jacobians beside Pinocchio, in one run, and say how many times faster they are.
 
@@ -50,11 +52,14 @@ def bench(
         Print the figures as JSON instead of tables.
     markdown
         Also write the tables into this Markdown page, between its lines `<!-- bench -->` and `<!-- end of bench -->`.
+    force
+        Replace an existing file of --save that rockerbogie did not write. Inputs are never replaced.
     """
     if poses < stopwatch.GROUP or baseline_poses < 1 or drops < 1:
         raise RockerbogieError(
             f"--poses is {poses}, --baseline-poses {baseline_poses} and --drops {drops}; give at least {stopwatch.GROUP}, 1 and 1"
         )
+    guard_outputs([save] if save else [], terrain, compare, markdown, force=force)
     before = _saved(compare) if compare else {}
     page = _page(markdown) if markdown else None
     figures: dict[str, Any] = {}
@@ -64,7 +69,8 @@ def bench(
             figures = done
             bar.update(task, total=count, advance=1, description=name)
     if save:
-        save.write_text(json_text.dumps(figures, indent=1) + "\n")
+        make_folder(save.parent)
+        save.write_text(json_text.dumps({"source": SOURCE} | figures, indent=1) + "\n")
     every = tables(figures, before)
     if markdown and page:
         markdown.write_text("\n\n".join([page[0], _machine(figures["machine"]), *(made.markdown() for made in every), page[1]]))

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+import warnings
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,19 +16,27 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from .._version import __version__
 from ..errors import RockerbogieError, TerrainError, unknown_name
+from ..outputs import check_outputs, remove_sidecars
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from ..terrain.heightfield import Terrain
 
 #: `--terrain surface:NAME` is a built-in surface at its usual size.
 SURFACE = "surface:"
+#: Inputs that are text, and the names of files in them.
+_TEXTS = frozenset({".toml", ".urdf", ".sdf", ".xml", ".csv", ".json"})
+_INCLUDED = re.compile(r'\bfile(?:name)?="(?:file://)?([^"]+)"')
 
 TerrainName = Annotated[str, Parameter(name=["--terrain", "-t"])]
 RoverName = Annotated[str, Parameter(name=["--rover", "-r"])]
 Folder = Annotated[Path | None, Parameter(name=["--output", "-o"])]
 Linear = Annotated[bool | None, Parameter(name="--linear", negative="--cubic")]
 Json = Annotated[bool, Parameter(name="--json", negative="")]
+Force = Annotated[bool, Parameter(name="--force", negative="")]
 
 
 def load_terrain(name: str, linear: bool | None) -> Terrain:
@@ -88,6 +98,62 @@ def make_folder(folder: Path) -> Path:
     except OSError as error:
         raise RockerbogieError(f"cannot make the folder {str(folder)!r}: {error.strerror}") from None
     return folder
+
+
+def in_folder(folder: Path | None, *names: str) -> list[Path]:
+    """Return the files of these names in a folder; no files if there is no folder."""
+    return [] if folder is None else [folder / name for name in names]
+
+
+def guard_outputs(outputs: Iterable[Path], *inputs: str | Path | None, force: bool = False) -> None:
+    """Check before any work that the files to be written replace no input and no file of another program.
+
+    Args:
+        outputs: every file that the command will write.
+        inputs: files and folders that it reads, by the names given on the command line; `surface:NAME`, names of presets and
+            None are skipped.
+        force: allow files of other programs to be replaced.
+
+    Raises:
+        RockerbogieError: as `rockerbogie.outputs.check_outputs`.
+    """
+    check_outputs(outputs, [file for name in inputs if name is not None for file in _files_of(str(name))], force=force)
+
+
+def _files_of(name: str) -> list[Path]:
+    """Return the files behind an input: itself, what a raster consists of (sources, sidecars), what a robot file includes."""
+    if name.startswith(SURFACE):
+        return []
+    path = Path(name)
+    files = [path] if path.is_file() or _is_data_folder(path) else []
+    if path.suffix.lower() in _TEXTS:
+        with suppress(OSError):
+            text = path.read_text(encoding="utf-8", errors="replace")
+            files += [path.parent / found for found in _INCLUDED.findall(text) if (path.parent / found).exists()]
+        return files
+    if path.is_file() or ":" in name or name.startswith("/vsi"):
+        with suppress(Exception):  # no rasterio, or no raster: the command itself reports what it cannot read
+            import rasterio
+
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                with rasterio.open(name) as raster:
+                    files += [Path(file) for file in raster.files]
+    return files
+
+
+def _is_data_folder(path: Path) -> bool:
+    """Return True for a Zarr group or the folder of a ROS bag; another folder only shares its name with a preset."""
+    if not path.is_dir():
+        return False
+    names = [item.name for item in path.iterdir()]
+    return any(name in ("zarr.json", ".zgroup", "metadata.yaml") or name.endswith((".mcap", ".db3")) for name in names)
+
+
+def save_netcdf(dataset: xr.Dataset, file: Path) -> None:
+    """Write a Dataset as NetCDF, with the version of this package among its attributes."""
+    dataset.assign_attrs(rockerbogie_version=__version__).to_netcdf(file, engine="h5netcdf")
+    remove_sidecars(file)
 
 
 @contextmanager

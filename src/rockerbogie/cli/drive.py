@@ -26,16 +26,20 @@ from ..simulation.simulate import simulate as simulate_rover
 from ..terrain.heightfield import Terrain
 from .common import (
     Folder,
+    Force,
     Json,
     Linear,
     RoverName,
     TerrainName,
+    guard_outputs,
+    in_folder,
     load_terrain,
     make_folder,
     map_span,
     parse_point,
     print_json,
     progress,
+    save_netcdf,
 )
 
 if TYPE_CHECKING:
@@ -58,6 +62,7 @@ def drive(
     linear: Linear = None,
     output: Folder = None,
     mcap: Annotated[bool, Parameter(name="--mcap", negative="")] = False,
+    force: Force = False,
     json: Json = False,
 ) -> None:
     """Drive a rover along a path, and show what it goes through.
@@ -86,9 +91,15 @@ def drive(
         Folder for pictures and data.
     mcap
         Write run.mcap too, into the folder of -o: ROS 2 messages for Foxglove and `ros2 bag`. Needs the ros extra.
+    force
+        Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
         Print the summary as JSON (SI units, radians) in place of the table.
     """
+    written = in_folder(output, *_files("run"), *(("run.mcap",) if mcap else ()))
+    if mcap and output is None:
+        raise RockerbogieError("--mcap writes run.mcap into a folder: give one with -o")
+    guard_outputs(written, terrain, rover, path, force=force)
     machine = load_rover(rover)
     ground = load_terrain(terrain, linear)
     way = _path(path, radius, machine, ground)
@@ -97,8 +108,11 @@ def drive(
         run = _on_the_map(drive_rover(machine, ground, way, speed, step=step), ground)
         bar.update(task, description="drawing")
         files = _write_run(machine, ground, run, output, "run")
-        if mcap:
-            files.append(_write_mcap(machine, run, output))
+        if mcap and output is not None:
+            from ..logs.mcap import write_mcap
+
+            write_mcap(run, machine, output / "run.mcap", force=force)
+            files.append(output / "run.mcap")
     summary = _summary(run)
     if json:
         print_json(summary | {"files": files})
@@ -118,6 +132,7 @@ def simulate(
     friction: float = 0.8,
     linear: Linear = None,
     output: Folder = None,
+    force: Force = False,
     json: Json = False,
 ) -> int:
     """The same drive in MuJoCo's rigid-body dynamics, compared with ours.
@@ -145,9 +160,13 @@ def simulate(
         Bilinear ground between the nodes, or a smooth cubic surface. Default: cubic for files.
     output
         Folder for pictures and data.
+    force
+        Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
         Print the comparison as JSON (SI units, radians) in place of the table.
     """
+    written = in_folder(output, *_files("simulation"), "attitude.png", "joints.png")
+    guard_outputs(written, terrain, rover, path, force=force)
     machine = load_rover(rover)
     ground = load_terrain(terrain, linear)
     way = _path(path, radius, machine, ground)
@@ -161,12 +180,12 @@ def simulate(
     comparison = compare(beside, sim)
     files = _write_run(machine, ground, sim, output, "simulation")
     if output is not None:
+        from ..figures.style import save
         from ..paper.figures import angles_figure, figures_7_to_9
 
         drawn = figures_7_to_9(machine)
         for name, figure in (("attitude.png", "figure7"), ("joints.png", "figure8")):
-            angles_figure(*drawn[figure], run, sim, beside, {}).savefig(output / name)
-            files.append(output / name)
+            files.append(save(angles_figure(*drawn[figure], run, sim, beside, {}), output / name))
     short = float(sim.attrs["short_of_end"])
     summary = _summary(sim) | {"short_of_end": short}
     if json:
@@ -216,30 +235,27 @@ def _on_the_map(run: xr.Dataset, terrain: Terrain) -> xr.Dataset:
     return run
 
 
+def _files(name: str) -> tuple[str, ...]:
+    """Return the names of the files that `_write_run` writes."""
+    return f"{name}.nc", f"{name}.csv", "map.png", "profile.png", "worst.png"
+
+
 def _write_run(rover: Rover, terrain: Terrain, run: xr.Dataset, output: FilePath | None, name: str) -> list[FilePath]:
     if output is None:
         return []
     from ..figures.charts import run_map, run_profile, worst_of
     from ..figures.closeup import pose_figure
+    from ..figures.style import save
 
     folder = make_folder(output)
-    run.to_netcdf(folder / f"{name}.nc", engine="h5netcdf")
+    save_netcdf(run, folder / f"{name}.nc")
     to_csv(run, folder / f"{name}.csv")
-    run_map(rover, terrain, run).savefig(folder / "map.png")
-    run_profile(rover, terrain, run).savefig(folder / "profile.png")
+    save(run_map(rover, terrain, run), folder / "map.png")
+    save(run_profile(rover, terrain, run), folder / "profile.png")
     worst = run.isel(time=worst_of(run))
     where = f"{rover.name} on {terrain.name}: steepest, {float(worst['distance']):.4g} m along its path"
-    pose_figure(rover, terrain, worst, where).savefig(folder / "worst.png")
-    return [folder / file for file in (f"{name}.nc", f"{name}.csv", "map.png", "profile.png", "worst.png")]
-
-
-def _write_mcap(rover: Rover, run: xr.Dataset, output: FilePath | None) -> FilePath:
-    from ..logs.mcap import write_mcap
-
-    if output is None:
-        raise RockerbogieError("--mcap writes run.mcap into a folder: give one with -o")
-    write_mcap(run, rover, output / "run.mcap")
-    return output / "run.mcap"
+    save(pose_figure(rover, terrain, worst, where), folder / "worst.png")
+    return in_folder(folder, *_files(name))
 
 
 def _summary(run: xr.Dataset) -> dict[str, Any]:

@@ -10,8 +10,8 @@ from cyclopts import Parameter
 
 from ..errors import RockerbogieError
 from ..rover.formats import load_rover, to_sdf, to_toml, to_urdf
-from ..rover.formats.gazebo import write_world
-from .common import load_terrain, make_folder, middle, parse_point
+from ..rover.formats.gazebo import WORLD_FILES, write_world
+from .common import Force, guard_outputs, in_folder, load_terrain, make_folder, middle, parse_point
 
 Format = Literal["urdf", "sdf", "mjcf", "toml", "world"]
 ENDINGS: dict[Format, str] = {"urdf": ".urdf", "sdf": ".sdf", "mjcf": ".xml", "toml": ".toml"}
@@ -29,6 +29,7 @@ def export(
     terrain: Annotated[str | None, Parameter(name=["--terrain", "-t"])] = None,
     at: str | None = None,
     yaw: float = 0.0,
+    force: Force = False,
 ) -> None:
     """Write a rover for another program, its differential tied in that format's own way.
 
@@ -48,8 +49,9 @@ def export(
         Where the rover stands in the world, x,y in metres. Default: the middle of the map.
     yaw
         Its heading there, degrees.
+    force
+        Replace existing output files, which may have been edited. Inputs are never replaced.
     """
-    machine = load_rover(rover)
     chosen = to or next((name for name, ending in ENDINGS.items() if output.suffix.lower() == ending), None)
     if chosen is None:
         raise RockerbogieError(
@@ -61,6 +63,8 @@ def export(
         raise RockerbogieError("a world needs ground: give --terrain a raster file or surface:NAME")
     if terrain is not None and chosen not in ("world", "mjcf"):
         raise RockerbogieError(f"--terrain belongs to a world or an MJCF, not to {chosen}")
+    guard_outputs(in_folder(output, *WORLD_FILES) if chosen == "world" else [output], rover, terrain, force=force)
+    machine = load_rover(rover)
     ground = None if terrain is None else load_terrain(terrain, None)
     if chosen == "world" and ground is not None:
         from ..settling.settle import settle
@@ -81,6 +85,7 @@ def export(
         text = (
             to_urdf(machine, ros2_control=ros2_control) if chosen == "urdf" else {"sdf": to_sdf, "toml": to_toml}[chosen](machine)
         )
+    make_folder(output.parent)
     try:
         output.write_text(text, encoding="utf-8")
     except OSError as error:

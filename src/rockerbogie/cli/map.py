@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import sys
 import time
 import tomllib
@@ -25,12 +24,13 @@ from ..maps.files import cell_size, check_place, write_map
 from ..maps.layers import LAYERS
 from ..maps.limits import Limits
 from ..maps.preview import Tally, overview, tally
+from ..maps.store import check_store, discard_store
 from ..maps.style import write_style
 from ..maps.traversability import traversability
 from ..rover.formats import load_rover
 from ..terrain import surfaces
 from ..terrain.heightfield import Terrain
-from .common import SURFACE, Json, Linear, RoverName, load_terrain, make_folder, print_json, progress
+from .common import SURFACE, Force, Json, Linear, RoverName, guard_outputs, load_terrain, make_folder, print_json, progress
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -60,6 +60,7 @@ def map_(
     workers: int | None = None,
     scheduler: str | None = None,
     preview: bool = True,
+    force: Force = False,
     json: Json = False,
 ) -> None:
     """Where a rover can go on a whole terrain: settled at every cell and heading, held against limits.
@@ -109,17 +110,24 @@ def map_(
         Address of a Dask cluster (tcp://host:8786) to do the work, whose workers see the same files.
     preview
         The picture beside the map.
+    force
+        Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
         Print the summary as JSON (SI units, radians) in place of the text.
     """
     check_place(output)
-    make_folder(output.parent)
+    geotiff = output.suffix.lower() in (".tif", ".tiff")
+    style, picture = output.with_suffix(".qml"), output.with_suffix(".png")
+    written = [output, *([style] if geotiff else []), *([picture] if preview else [])]
+    guard_outputs(written, terrain, rover, limits, force=force)
+    parts = output.with_name(f"{output.name}.parts") if find_spec("zarr") else None
+    if parts is not None:
+        check_store(parts)
     machine = load_rover(rover)
     allowed = _limits(limits, tilt, pitch, roll, rocker, bogie, clearance)
     ground = _ground(terrain, linear)
-    geotiff = output.suffix.lower() in (".tif", ".tiff")
     summaries = [name for name, layer in LAYERS.items() if not layer.per_heading]
-    parts = output.with_name(f"{output.name}.parts") if find_spec("zarr") else None
+    make_folder(output.parent)
     began = time.perf_counter()
     with _told(parts) as (settling, writing):
         maps = traversability(
@@ -129,25 +137,25 @@ def map_(
         )  # fmt: skip
         seconds = time.perf_counter() - began
         try:
-            files = [write_map(maps, output, per_heading=per_heading, progress=writing)]
+            files = [write_map(maps, output, per_heading=per_heading, force=force, progress=writing)]
         except RockerbogieError as error:
             kept = f"; what is made is kept in {parts}, and the same command goes on from there" if parts else ""
             raise RockerbogieError(f"{error}{kept}") from None
     counts = tally(maps)
     if geotiff:
-        files.append(write_style(maps, output.with_suffix(".qml"), per_heading=per_heading))
+        files.append(write_style(maps, style, per_heading=per_heading))
     if preview:
+        from ..figures.style import save
         from ..figures.terrain_map import terrain_map
 
-        files.append(output.with_suffix(".png"))
-        terrain_map(overview(maps, ground)).savefig(files[-1])
+        files.append(save(terrain_map(overview(maps, ground)), picture))
     if json:
         print_json(_record(maps, counts, seconds) | {"files": files})
     else:
         _print(maps, counts, seconds)
         print(*files, sep="\n")
     if parts is not None:
-        shutil.rmtree(parts, ignore_errors=True)
+        discard_store(parts)
 
 
 @contextmanager

@@ -17,7 +17,20 @@ from ..logs.odometry import SlopeSlip, flat_odometry
 from ..logs.odometry import odometry as integrate
 from ..motion.drive import to_csv
 from ..rover.formats import load_rover
-from .common import Folder, Json, Linear, RoverName, load_terrain, make_folder, print_json, progress
+from .common import (
+    Folder,
+    Force,
+    Json,
+    Linear,
+    RoverName,
+    guard_outputs,
+    in_folder,
+    load_terrain,
+    make_folder,
+    print_json,
+    progress,
+    save_netcdf,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -37,6 +50,7 @@ def odometry(
     name: Names = None,
     linear: Linear = None,
     output: Folder = None,
+    force: Force = False,
     json: Json = False,
 ) -> None:
     """Where a log of wheels, steering, rocker and bogies says the rover went, in three dimensions.
@@ -63,9 +77,13 @@ def odometry(
         Bilinear ground between the nodes, or a smooth cubic surface. Default: cubic for files.
     output
         Folder for pictures and data.
+    force
+        Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
         Print the summary as JSON (SI units, radians) in place of the table.
     """
+    written = in_folder(output, *(f"odometry.{kind}" for kind in ("png", "nc", "csv", "mcap")))
+    guard_outputs(written, log, rover, terrain, force=force)
     machine = load_rover(rover)
     readings = read_log(log, machine, names=_names(name or []))
     ground = None if terrain is None else load_terrain(terrain, linear)
@@ -137,15 +155,17 @@ def _write(rover: Any, track: xr.Dataset, flat: xr.Dataset, log: xr.Dataset, out
     if output is None:
         return []
     from ..figures.odometry import odometry_figure
+    from ..figures.style import save
     from ..logs.mcap import write_mcap
 
     folder = make_folder(output)
-    odometry_figure(track, flat, log).savefig(folder / "odometry.png")
-    track.to_netcdf(folder / "odometry.nc", engine="h5netcdf")
+    save(odometry_figure(track, flat, log), folder / "odometry.png")
+    save_netcdf(track, folder / "odometry.nc")
     to_csv(track, folder / "odometry.csv")
     files = [folder / f"odometry.{kind}" for kind in ("png", "nc", "csv")]
     try:
-        write_mcap(track.assign({name: log[name].variable for name in JOINTS if name in log}), rover, folder / "odometry.mcap")
+        joints = {name: log[name].variable for name in JOINTS if name in log}
+        write_mcap(track.assign(joints), rover, folder / "odometry.mcap", force=True)
     except RockerbogieError as error:  # without the ros extra there is no bag, and all the rest
         Console(stderr=True).print(str(error), highlight=False, markup=False)
         return files

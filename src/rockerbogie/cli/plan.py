@@ -14,7 +14,7 @@ from ..maps.files import read_map
 from ..maps.plan import plan as plan_route
 from ..maps.preview import overview
 from ..rover.formats import load_rover
-from .common import SURFACE, Json, load_terrain, make_folder, print_json, progress
+from .common import SURFACE, Force, Json, guard_outputs, load_terrain, make_folder, print_json, progress
 
 Place = Annotated[tuple[float, float], Parameter(allow_leading_hyphen=True)]
 Heading = Annotated[float | None, Parameter(allow_leading_hyphen=True)]
@@ -36,6 +36,7 @@ def plan(
     backward: Annotated[bool, Parameter(negative="")] = False,
     terrain: Annotated[str | None, Parameter(name=["--terrain", "-t"])] = None,
     preview: bool = True,
+    force: Force = False,
     json: Json = False,
 ) -> None:
     """The least-cost way over a map that `rockerbogie map` made, as the rover can turn.
@@ -71,11 +72,15 @@ def plan(
         The ground, a raster file or surface:NAME, to shade the picture with.
     preview
         The picture beside the way.
+    force
+        Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
         Print the way as JSON (SI units, radians) in place of a line.
     """
     if output is not None and output.suffix.lower() not in (".csv", ".geojson"):
         raise RockerbogieError(f"{str(output)!r} names no kind of way: end it in .csv or .geojson")
+    picture = None if output is None or not preview else output.with_suffix(".png")
+    guard_outputs([file for file in (output, picture) if file is not None], map_file, rover, terrain, force=force)
     maps = read_map(map_file)
     with progress() as bar:
         bar.add_task("planning", total=None)
@@ -86,14 +91,14 @@ def plan(
     files = []
     if output is not None:
         make_folder(output.parent)
-        (found.to_csv if output.suffix.lower() == ".csv" else found.to_geojson)(output)
+        (found.to_csv if output.suffix.lower() == ".csv" else found.to_geojson)(output, force=force)
         files.append(output)
-        if preview:
+        if picture is not None:
+            from ..figures.style import save
             from ..figures.terrain_map import terrain_map
 
             ground = None if terrain is None else load_terrain(terrain, None) if terrain.startswith(SURFACE) else Path(terrain)
-            files.append(output.with_suffix(".png"))
-            terrain_map(overview(maps, ground), found).savefig(files[-1])
+            files.append(save(terrain_map(overview(maps, ground), found), picture))
     if json:
         names = ("x", "y", "heading", "distance", "cost", "tilt")
         print_json({name: getattr(found, name) for name in names} | {"files": files})

@@ -12,14 +12,15 @@ from rich.console import Console
 from rich.table import Table
 
 from ..paper.report import ErrorRow
+from ..paper.reproduce import OUTPUTS
 from ..paper.reproduce import reproduce as reproduce_paper
-from .common import Json, make_folder, print_json, progress
+from .common import Force, Json, guard_outputs, in_folder, make_folder, print_json, progress
 
 #: Exit code where the model is further from the simulation than it may be.
 EXIT_NOT_CLOSE = 1
 
 
-def reproduce(*, output: Annotated[Path, Parameter(name=["--output", "-o"])], json: Json = False) -> int:
+def reproduce(*, output: Annotated[Path, Parameter(name=["--output", "-o"])], force: Force = False, json: Json = False) -> int:
     """Reproduce section III of the paper: figures, data, animation, report.
 
     The rover crosses the paper's two hills by the kinematic model and in a MuJoCo simulation. Written are figures 6 to 9
@@ -30,9 +31,12 @@ def reproduce(*, output: Annotated[Path, Parameter(name=["--output", "-o"])], js
     ----------
     output
         Folder to write to.
+    force
+        Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
         Print errors and statements as JSON in place of tables.
     """
+    guard_outputs(in_folder(output, *OUTPUTS), force=force)
     folder = make_folder(output)
     began = time.perf_counter()
     with progress() as bar:

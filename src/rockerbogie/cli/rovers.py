@@ -13,10 +13,11 @@ from rich.console import Console
 from rich.table import Table
 
 from ..errors import RockerbogieError
+from ..outputs import SOURCE
 from ..rover.formats import import_rover, load_rover, presets, read_details, schema, to_toml
 from ..rover.frames import DHRow, dh_table
 from ..rover.model import IDEAL_DIFFERENTIAL, Rover
-from .common import Json, print_json
+from .common import Force, Json, guard_outputs, make_folder, print_json
 
 app = cyclopts.App(name="rovers", help="The rovers there are; one with its dimensions; a new one; one from a robot file.")
 
@@ -24,7 +25,7 @@ Picture = Annotated[Path | None, Parameter(name=["--output", "-o"])]
 
 
 @app.default
-def show(name: str | None = None, /, *, output: Picture = None, json: Json = False) -> None:
+def show(name: str | None = None, /, *, output: Picture = None, force: Force = False, json: Json = False) -> None:
     """List the rovers, or show one: its dimensions, its Denavit-Hartenberg table, and with -o its drawing.
 
     Parameters
@@ -33,6 +34,8 @@ def show(name: str | None = None, /, *, output: Picture = None, json: Json = Fal
         A preset's name, or a rover file. None: list the presets.
     output
         Draw it, with its dimensions, into this picture (.png, .svg or .pdf).
+    force
+        Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
         Print JSON (SI units, radians) in place of tables.
     """
@@ -43,6 +46,9 @@ def show(name: str | None = None, /, *, output: Picture = None, json: Json = Fal
             )
         _list(json)
         return
+    if output is not None:
+        _check_ending(output, (".png", ".svg", ".pdf"))
+        guard_outputs([output], name, force=force)
     rover = load_rover(name)
     details = read_details(name)
     if json:
@@ -51,15 +57,15 @@ def show(name: str | None = None, /, *, output: Picture = None, json: Json = Fal
         _print_rover(rover, details)
     if output is not None:
         from ..figures.blueprint import blueprint
+        from ..figures.style import save
 
-        _check_ending(output, (".png", ".svg", ".pdf"))
-        _write(output, lambda: blueprint(rover, details.get("title", "")).savefig(output))
+        _write(output, lambda: save(blueprint(rover, details.get("title", "")), output))
         if not json:
             print(output)
 
 
 @app.command
-def new(file: Path, /, *, like: str = "curiosity") -> None:
+def new(file: Path, /, *, like: str = "curiosity", force: Force = False) -> None:
     """Start a rover file, with a comment to every key.
 
     Parameters
@@ -68,13 +74,14 @@ def new(file: Path, /, *, like: str = "curiosity") -> None:
         The file to write, ending in .toml.
     like
         The rover whose numbers to start from.
+    force
+        Replace a rover file that is there. Inputs are never replaced.
     """
     _check_ending(file, (".toml",))
+    guard_outputs([file], like, force=force)
     rover = load_rover(like)
     if like in presets():
         rover = rover.replace(name=file.stem, source=f"started from the preset {like}: put your own source here")
-    if file.exists():
-        raise RockerbogieError(f"{str(file)!r} is there already: give another name, or remove it first")
     _write(file, lambda: file.write_text(to_toml(rover, options=True), encoding="utf-8"))
     print(f"{file}: change the numbers, then `rockerbogie rovers {file}`")
     print("Its first line names a schema for your editor: `rockerbogie rovers schema rover.schema.json` puts that beside it.")
@@ -91,6 +98,7 @@ def import_(
     up: str | None = None,
     joint: Annotated[list[str] | None, Parameter(name="--joint", negative="")] = None,
     set_: Annotated[list[str] | None, Parameter(name="--set", negative="")] = None,
+    force: Force = False,
     json: Json = False,
 ) -> None:
     """Read a rover from a URDF, SDF or MJCF file: say what was found, guessed and mended, and write it as TOML.
@@ -111,16 +119,20 @@ def import_(
         Overrule who is who: wheels=A,B,C,D,E,F or bogies=A,B or rockers=A,B or steering=A,B,... by the joints' names.
     set_
         Overrule a number, by its key in a rover file: wheels.radius_m=0.075, stops.bogie_deg=[-30,30], mass.total_kg=12, ...
+    force
+        Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
         Print JSON in place of text.
     """
     from ..rover.formats.import_overrides import parse_joints, parse_numbers
 
+    if output is not None:
+        _check_ending(output, (".toml",))
+        guard_outputs([output], file, force=force)
     result = import_rover(
         file, scale=scale, forward=forward, up=up, joints=parse_joints(joint or []), **parse_numbers(set_ or [])
     )
     if output is not None:
-        _check_ending(output, (".toml",))
         _write(output, lambda: output.write_text(to_toml(result.rover), encoding="utf-8"))
     if json:
         print_json(_record(result.rover) | {key: getattr(result, key) for key in ("found", "guessed", "repaired")})
@@ -131,17 +143,22 @@ def import_(
 
 
 @app.command(name="schema")
-def schema_(file: Path | None = None, /) -> None:
+def schema_(file: Path | None = None, /, *, force: Force = False) -> None:
     """The JSON schema of rover files, for editors that check while one writes.
 
     Parameters
     ----------
     file
         Where to write it. None: print it.
+    force
+        Replace an existing file that rockerbogie did not write.
     """
     import json
 
-    text = json.dumps(schema(), indent=2) + "\n"
+    if file is not None:
+        guard_outputs([file], force=force)
+
+    text = json.dumps({"$comment": SOURCE} | schema(), indent=2) + "\n"
     if file is None:
         print(text, end="")
     else:
@@ -154,6 +171,7 @@ def _check_ending(file: Path, endings: tuple[str, ...]) -> None:
 
 
 def _write(file: Path, write: Any) -> None:
+    make_folder(file.parent)
     try:
         write()
     except OSError as error:

@@ -20,16 +20,20 @@ from ..settling.settle import settle as settle_rover
 from ..settling.status import MEANING, Status
 from .common import (
     Folder,
+    Force,
     Json,
     Linear,
     RoverName,
     TerrainName,
+    guard_outputs,
+    in_folder,
     load_terrain,
     make_folder,
     map_span,
     middle,
     parse_point,
     print_json,
+    save_netcdf,
 )
 
 #: Exit code where the rover finds no rest: an answer, not a wrong call.
@@ -46,6 +50,7 @@ def settle(
     mode: Literal["contact", "equilibrium"] = "contact",
     linear: Linear = None,
     output: Folder = None,
+    force: Force = False,
     json: Json = False,
 ) -> int:
     """Let a rover settle at one place, and show how it sits there.
@@ -71,9 +76,12 @@ def settle(
         Bilinear ground between the nodes, or a smooth cubic surface. Default: cubic for files.
     output
         Folder for the picture and the data.
+    force
+        Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
         Print JSON (SI units, radians) in place of the table.
     """
+    guard_outputs(in_folder(output, "pose.nc", "pose.png"), terrain, rover, force=force)
     machine = load_rover(rover)
     ground = load_terrain(terrain, linear)
     x, y = middle(ground) if at is None else parse_point(at, "--at")
@@ -86,14 +94,14 @@ def settle(
     files = []
     if output is not None:
         from ..figures.closeup import pose_figure
+        from ..figures.style import save
 
         folder = make_folder(output)
         data = pose.to_xarray()
-        data.to_netcdf(folder / "pose.nc", engine="h5netcdf")
+        save_netcdf(data, folder / "pose.nc")
         files.append(folder / "pose.nc")
         if found:
-            pose_figure(machine, ground, data, f"{machine.name} on {ground.name}").savefig(folder / "pose.png")
-            files.append(folder / "pose.png")
+            files.append(save(pose_figure(machine, ground, data, f"{machine.name} on {ground.name}"), folder / "pose.png"))
     if json:
         print_json(_record(pose, status) | {"files": files})
     else:

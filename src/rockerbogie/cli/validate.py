@@ -21,15 +21,19 @@ from ..settling.status import Status
 from .common import (
     SURFACE,
     Folder,
+    Force,
     Json,
     Linear,
     RoverName,
     TerrainName,
+    guard_outputs,
+    in_folder,
     load_terrain,
     make_folder,
     parse_point,
     print_json,
     progress,
+    save_netcdf,
 )
 
 if TYPE_CHECKING:
@@ -56,6 +60,7 @@ def validate(
     seed: int = 0,
     linear: Linear = None,
     output: Folder = None,
+    force: Force = False,
     json: Json = False,
 ) -> None:
     """Predicted against logged attitude: the rover settled where a log says it stood.
@@ -98,9 +103,13 @@ def validate(
         errors.
     output
         Folder for picture and data.
+    force
+        Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
         Print JSON (SI units, radians) in place of the tables.
     """
+    written = in_folder(output, *(f"validation.{kind}" for kind in ("png", "csv", "nc")))
+    guard_outputs(written, terrain, log, rover, mapping, force=force)
     machine = load_rover(rover)
     ground = load_terrain(terrain, True if linear is None and not terrain.startswith(SURFACE) else linear)
     places = read_places(log, machine, _mapping(log, mapping, column or [], frame, origin))
@@ -174,11 +183,12 @@ def _record(found: xr.Dataset) -> dict[str, Any]:
 def _write(found: xr.Dataset, output: FilePath | None) -> list[FilePath]:
     if output is None:
         return []
+    from ..figures.style import save
     from ..figures.validation import validation_figure
 
     folder = make_folder(output)
-    validation_figure(found).savefig(folder / "validation.png")
-    found.to_netcdf(folder / "validation.nc", engine="h5netcdf")
+    save(validation_figure(found), folder / "validation.png")
+    save_netcdf(found, folder / "validation.nc")
     columns: dict[str, Any] = {"place": found["place"].to_numpy(), "x [m]": found["x"].to_numpy(), "y [m]": found["y"].to_numpy()}
     columns |= {"yaw [deg]": np.degrees(found["yaw"].to_numpy()), "status": found["status"].to_numpy()}
     if "stand" in found:

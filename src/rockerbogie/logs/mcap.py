@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RockerbogieError
+from ..outputs import SOURCE, check_outputs
 from ..rotations import body_transform, quaternion_angles
 from ..rover.formats import to_urdf
 from ..rover.formats.tree import tree_of
@@ -71,7 +72,7 @@ def _columns(rows: list[dict[str, float]]) -> dict[str, Array]:
     return {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
 
 
-def write_mcap(run: xr.Dataset, rover: Rover, file: str | Path) -> None:
+def write_mcap(run: xr.Dataset, rover: Rover, file: str | Path, *, force: bool = False) -> None:
     """Write a run as an MCAP file of ROS 2 messages that Foxglove and `ros2 bag` open.
 
     Topics: `/joint_states` (JointState), `/imu` (Imu), `/odom` (Odometry), `/tf` (odom → base_link → every link) and
@@ -79,13 +80,15 @@ def write_mcap(run: xr.Dataset, rover: Rover, file: str | Path) -> None:
 
     Args:
         run: from `drive`, `simulate` or `odometry`: at least `x y z roll pitch yaw` over `time`; the joints it has.
-        file: ends in .mcap; replaced if there.
+        file: ends in .mcap; replaced if this package wrote it.
+        force: replace a file that this package did not write.
 
     Raises:
         RockerbogieError: no rosbags installed, or the file cannot be written.
     """
     from scipy.spatial.transform import Rotation
 
+    check_outputs([file], force=force)
     bags = _rosbags()
     store = bags.get_typestore(bags.Stores.ROS2_HUMBLE)
     make = _Messages(store)
@@ -116,7 +119,7 @@ def write_mcap(run: xr.Dataset, rover: Rover, file: str | Path) -> None:
             def send(topic: str, stamp: int, message: Any) -> None:
                 writer.write(topics[topic], stamp, store.serialize_cdr(message, topics[topic].msgtype))
 
-            send("/robot_description", round(1e9 * time[0]), make.String(data=to_urdf(rover)))
+            send("/robot_description", round(1e9 * time[0]), make.String(data=f"{to_urdf(rover)}<!-- {SOURCE} -->\n"))
             for k in np.flatnonzero(known):
                 stamp = round(1e9 * time[k])
                 now, speed = ({name: values[k] for name, values in table.items()} for table in (angle, rate))

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RockerbogieError, expect
+from ..outputs import check_outputs, remove_sidecars
 from .layers import LAYERS
 
 if TYPE_CHECKING:
@@ -44,7 +45,9 @@ class Band(NamedTuple):
     scale: float
 
 
-def write_map(maps: xr.Dataset, file: str | Path, *, per_heading: bool = False, progress: Progress | None = None) -> Path:
+def write_map(
+    maps: xr.Dataset, file: str | Path, *, per_heading: bool = False, force: bool = False, progress: Progress | None = None
+) -> Path:
     """Write a map by the file's ending; the same map gives the same bytes.
 
     - `.tif`: a cloud-optimised GeoTIFF, float32, north up, a band a layer, named with its unit (`worst_tilt_deg`): angles
@@ -55,17 +58,22 @@ def write_map(maps: xr.Dataset, file: str | Path, *, per_heading: bool = False, 
 
     Args:
         maps: from `traversability`.
+        file: ends in .tif, .tiff, .zarr or .nc. A map that is there is replaced, and with it statistics that GDAL keeps beside
+            it (.aux.xml).
+        per_heading: write every heading's layers into a GeoTIFF too.
+        force: replace a file that this package did not write.
         progress: called with the share done, 0 to 1.
 
     Raises:
-        RockerbogieError: another ending, a place that cannot be written, a disk that is full (what was there before is
-            left), rasterio or zarr not installed.
+        RockerbogieError: another ending, a file that this package did not write (without `force`), a place that cannot be
+            written, a disk that is full (what was there before is left), rasterio or zarr not installed.
     """
     import xarray as xr
 
     path = Path(file)
     kind = path.suffix.lower()
     check_place(path)
+    check_outputs([path], force=force)
     expect(maps, xr.Dataset, "maps", "give the Dataset of rockerbogie.traversability")
     tell = progress or (lambda share: None)
     maps = _ordered(maps)
@@ -80,6 +88,7 @@ def write_map(maps: xr.Dataset, file: str | Path, *, per_heading: bool = False, 
         if path.is_dir():
             shutil.rmtree(path)
         os.replace(partial, path)
+        remove_sidecars(path)
     except OSError as error:
         raise RockerbogieError(f"cannot write {str(file)!r}: {error.strerror or error}") from None
     finally:

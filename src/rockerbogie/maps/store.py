@@ -11,6 +11,7 @@ import hashlib
 import json
 import os
 import shutil
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
@@ -78,8 +79,8 @@ def open_store(path: Path, job: Job, made_from: dict[str, Any]) -> Store:
             _check_same(path, json.loads(record.read_text()), made_from)
             if (path / "ready").exists():
                 return store
-        elif path.exists() and (not path.is_dir() or any(not p.name.startswith(".made_from") for p in path.iterdir())):
-            raise RockerbogieError(f"{str(path)!r} is there and is no unfinished map: give another name, or take it away")
+        else:
+            check_store(path)
         path.mkdir(parents=True, exist_ok=True)
         draft = path / f".made_from.{os.getpid()}"
         draft.write_text(json.dumps(made_from, indent=1, sort_keys=True))
@@ -94,6 +95,28 @@ def open_store(path: Path, job: Job, made_from: dict[str, Any]) -> Store:
     except OSError as error:
         raise RockerbogieError(f"cannot make a map in {str(path)!r}: {error.strerror or error}") from None
     return store
+
+
+def check_store(path: Path) -> None:
+    """Raise if a path is taken by something that is not a map's store.
+
+    Raises:
+        RockerbogieError: a file is there, or a folder that holds something else.
+    """
+    if not path.exists() or (path / "made_from.json").exists():
+        return
+    if not path.is_dir() or any(not item.name.startswith(".made_from") for item in path.iterdir()):
+        raise RockerbogieError(f"{str(path)!r} exists and is not an unfinished map: give another name, or remove it")
+
+
+def discard_store(path: Path) -> None:
+    """Remove a map's store; other files in its folder are kept, and the folder with them."""
+    for folder in ("map.zarr", "done"):
+        shutil.rmtree(path / folder, ignore_errors=True)
+    for file in ("ready", "made_from.json"):
+        (path / file).unlink(missing_ok=True)
+    with suppress(OSError):
+        path.rmdir()
 
 
 def made_from(job: Job, ground: Ground) -> dict[str, Any]:

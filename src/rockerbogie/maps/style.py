@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 from xml.sax.saxutils import quoteattr
 
+from ..outputs import SOURCE
 from .files import FIRST, bands
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ def write_style(maps: xr.Dataset, file: str | Path, *, per_heading: bool = False
         f'          <item alpha="255" value={quoteattr(_bound(c.most))} color={quoteattr(c.colour)} label={quoteattr(c.label)}/>'
         for c in CLASSES
     )
-    Path(file).write_text(_QML.format(band=band, items=items), encoding="utf-8")
+    Path(file).write_text(_QML.format(band=band, items=items, source=SOURCE), encoding="utf-8")
     return Path(file)
 
 
@@ -45,6 +46,7 @@ def _bound(most: float) -> str:
 
 
 _QML = """<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>
+<!-- {source} -->
 <qgis version="3.22.0" styleCategories="Symbology|Rendering" hasScaleBasedVisibilityFlag="0">
   <pipe>
     <provider>

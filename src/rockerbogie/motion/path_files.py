@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import PathError, RockerbogieError
+from ..outputs import SOURCE, check_outputs
 from ..tables import read_columns
 from .path import Path
 
@@ -57,12 +58,17 @@ class Route:
         """
         return path_of(self.x, self.y, self.heading)
 
-    def to_csv(self, file: str | FilePath) -> None:
+    def to_csv(self, file: str | FilePath, *, force: bool = False) -> None:
         """Write a row a pose: `x [m]`, `y [m]`, `yaw [rad]`, ...; `rockerbogie drive --path` reads it.
+
+        Args:
+            file: the table to write.
+            force: replace a file that this package did not write.
 
         Raises:
             RockerbogieError: the file cannot be written.
         """
+        check_outputs([file], force=force)
         columns = (self.x, self.y, self.heading, self.distance, self.cost, self.tilt)
         try:
             with open(file, "w", newline="", encoding="utf-8") as stream:
@@ -72,17 +78,23 @@ class Route:
         except OSError as error:
             raise RockerbogieError(f"cannot write {str(file)!r}: {error.strerror}") from None
 
-    def to_geojson(self, file: str | FilePath) -> None:
+    def to_geojson(self, file: str | FilePath, *, force: bool = False) -> None:
         """Write a line with its length, cost and greatest tilt, in the map's own coordinates and CRS, for QGIS.
 
         GeoJSON's standard knows the Earth's longitude and latitude only; like GDAL, QGIS reads a CRS that is named.
 
+        Args:
+            file: the .geojson file to write.
+            force: replace a file that this package did not write.
+
         Raises:
             RockerbogieError: the file cannot be written.
         """
+        check_outputs([file], force=force)
         places = [[float(x), float(y)] for x, y in zip(self.x, self.y, strict=True)]
         line = [places[0]] + [b for a, b in pairwise(places) if a != b]
         properties = {
+            "source": SOURCE,
             "rover": self.rover,
             "length_m": round(float(self.distance[-1]), 3),
             "cost_m": round(float(self.cost[-1]), 3),

@@ -15,6 +15,7 @@ from ..figures.render import Camera, Mesh
 from ..figures.scene import grid_step, picture_height, stance_mesh, sunlit
 from ..figures.style import COLOURS, LEFT, RIGHT, figure, look
 from ..figures.terrain_mesh import ground_mesh
+from ..outputs import SOURCE
 from ..rover.model import Rover
 from ..terrain.heightfield import Terrain
 from .figures import VIEW, crossing_bounds, tracks
@@ -58,7 +59,15 @@ def crossing_gif(
     palette = Image.new("P", (1, 1))
     palette.putpalette(colours.ravel().tolist())
     still = [p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures]
-    still[0].save(file, save_all=True, append_images=still[1:], duration=[_FRAME] * (frames - 1) + [1200], loop=0, optimize=True)
+    still[0].save(
+        file,
+        save_all=True,
+        append_images=still[1:],
+        duration=[_FRAME] * (frames - 1) + [1200],
+        loop=0,
+        optimize=True,
+        comment=SOURCE,
+    )
 
 
 def _page(run: xr.Dataset, height: int) -> tuple[NDArray[np.uint8], NDArray[np.int64], slice]:

@@ -11,6 +11,7 @@ from importlib.metadata import version
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
+from ..figures.style import save
 from ..motion.drive import drive, to_csv
 from ..motion.path import Path
 from ..rover.formats import load_rover
@@ -101,9 +102,9 @@ def reproduce(folder: FilePath, progress: Progress = lambda what, share: None) -
 
 
 def _draw_figures(folder: FilePath, rover: Rover, terrain: Terrain, run: xr.Dataset, sim: xr.Dataset, beside: xr.Dataset) -> None:
-    figure_6(rover, terrain, run, FIGURE_6_AT).savefig(folder / "figure6.png", dpi=180)
+    save(figure_6(rover, terrain, run, FIGURE_6_AT), folder / "figure6.png", dpi=180)
     for name, (title, curves) in figures_7_to_9(rover).items():
-        angles_figure(title, curves, run, sim, beside, arrivals(rover, BUMP_START)).savefig(folder / f"{name}.png")
+        save(angles_figure(title, curves, run, sim, beside, arrivals(rover, BUMP_START)), folder / f"{name}.png")
 
 
 def error_rows(comparison: Comparison, records: int) -> list[ErrorRow]:
@@ -168,3 +169,5 @@ _DATA = {
     for name, what in (("model", "kinematic model"), ("simulation", "simulation"))
     for kind, how in (("nc", "NetCDF, with units and long names"), ("csv", "CSV"))
 }
+#: Names of all files that `reproduce` writes.
+OUTPUTS = (*(name for name, _, _ in _PICTURES), *_DATA, "report.html")

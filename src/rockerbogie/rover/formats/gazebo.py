@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 
 #: More triangles than this make Gazebo's collision engine crawl: finer ground is thinned to every second, third, ... node.
 MOST_TRIANGLES = 250_000
+#: Names of the files that `write_world` writes.
+WORLD_FILES = ("world.sdf", "ground.obj")
 
 
 def write_world(
