@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import rockerbogie as rb
+from rockerbogie.rotations import rotation_x, rotation_y, rotation_z
 
 Array = NDArray[np.float64]
 Made = tuple[str, dict[str, str]]
@@ -52,7 +53,7 @@ class Robot:
         """A joint at a point and about an axis of the rover's frame, and the link it carries."""
         if child not in self.origin:
             self.link(child, **link)  # type: ignore[arg-type]
-        x, y, z = (rb.rover.frames.rotation_x(rpy[0]), rb.rover.frames.rotation_y(rpy[1]), rb.rover.frames.rotation_z(rpy[2]))
+        x, y, z = (rotation_x(rpy[0]), rotation_y(rpy[1]), rotation_z(rpy[2]))
         xyz = self.frame[parent].T @ self.turn @ (at - self.origin[parent])
         self.origin[child], self.frame[child] = np.asarray(at, dtype=float), self.frame[parent] @ z @ y @ x
         lies = "" if axis is None else f'<axis xyz="{self.words(self.frame[child].T @ self.turn @ axis)}"/>'
