@@ -1,4 +1,4 @@
-"""Batch axes of any shape, as the flat runs that kernels take."""
+"""Batch shapes: broadcast arrays of any shape as the flat contiguous arrays that kernels take."""
 
 from __future__ import annotations
 
@@ -12,20 +12,42 @@ Array = NDArray[np.float64]
 
 
 def spanned(array: Array, shape: tuple[int, ...]) -> Array:
-    """The array broadcast to a shape, taking no memory of its own; itself where it has that shape."""
+    """Return the array broadcast to a shape without copying; the array itself if it has that shape.
+
+    Args:
+        array: any array that broadcasts to `shape`.
+        shape: the shape to return.
+
+    Returns:
+        Read-only view of that shape, or the array itself.
+    """
     return array if array.shape == shape else np.broadcast_to(array, shape)
 
 
 def once(array: Array) -> Array:
-    """What a broadcast array holds, each item once: the axes along which it only repeats have length 1 (or 0)."""
+    """Return the distinct items of a broadcast array.
+
+    Args:
+        array: (...) any array.
+
+    Returns:
+        View in which each axis with stride 0 has length 1 (or 0).
+    """
     return array[tuple(slice(0, 1) if step == 0 else slice(None) for step in array.strides)]
 
 
 def pieces(shape: tuple[int, ...], most: int) -> Iterator[tuple[int | slice | EllipsisType, ...]]:
-    """Indices of runs of at most `most` items that together are the whole shape, in memory's order.
+    """Yield indices of parts of at most `most` items that together cover the shape once, in memory order.
 
-    Each is a slice of one axis at fixed places of those before it, so that numpy copies a run of a broadcast array
-    quickly, and takes one of a whole array without copying.
+    Each index is a slice of one axis with fixed indices on the axes before it. numpy then copies a part of a broadcast
+    array quickly and takes a part of a contiguous array without copying.
+
+    Args:
+        shape: batch shape.
+        most: largest number of items of a part, at least 1.
+
+    Yields:
+        Indices into arrays of that shape.
     """
     axis, tail = len(shape), 1
     while axis > 0 and tail * shape[axis - 1] <= most:
@@ -35,16 +57,31 @@ def pieces(shape: tuple[int, ...], most: int) -> Iterator[tuple[int | slice | El
         yield (...,)
         return
     step = most // tail
-    for head in np.ndindex(shape[: axis - 1]):
+    for lead in np.ndindex(shape[: axis - 1]):
         for start in range(0, shape[axis - 1], step):
-            yield (*head, slice(start, start + step))
+            yield (*lead, slice(start, start + step))
 
 
 def flat(array: Array, *tail: int) -> Array:
-    """(n, *tail) contiguous and writable, for kernels are compiled for that kind of array alone; a copy of any other."""
+    """Return the array as (n, *tail), contiguous and writable: the only layout kernels are compiled for.
+
+    Args:
+        array: (..., *tail).
+        tail: lengths of the last axes that are kept.
+
+    Returns:
+        (n, *tail) view, or a copy if the array is not contiguous or not writable.
+    """
     return (array if array.flags.carray else np.array(array, order="C")).reshape(-1, *tail)
 
 
 def flat_steering(steering: Array) -> Array:
-    """(n, 6) as `flat`, or (1, 6) where one steering serves all."""
+    """Return steering angles as (n, 6), or (1, 6) if all poses share them.
+
+    Args:
+        steering: (..., 6) rad; shared if it was broadcast along every batch axis.
+
+    Returns:
+        (n, 6) or (1, 6), rad, as `flat`.
+    """
     return flat(steering if any(steering.strides[:-1]) else steering[(slice(0, 1),) * (steering.ndim - 1)], 6)

@@ -1,4 +1,4 @@
-"""The errors this package raises for wrong calls. Hard ground never raises: it gives a `Status`."""
+"""Exceptions for wrong calls. Difficult terrain raises none of them: it gives a `Status`."""
 
 from __future__ import annotations
 
@@ -7,29 +7,48 @@ from collections.abc import Iterable
 
 
 class RockerbogieError(ValueError):
-    """A call that cannot be answered: the message says what, where, and how to mend it."""
+    """Wrong call. The message states the fault, its position and the remedy."""
 
 
 class RoverError(RockerbogieError):
-    """A rover that cannot be, or that cannot be found."""
+    """Rover parameters that are impossible, or a rover that cannot be found."""
 
 
 class TerrainError(RockerbogieError):
-    """Ground that cannot be read or is not a height field."""
+    """Terrain that cannot be read, or that is not a height field."""
 
 
 class PathError(RockerbogieError):
-    """A path that cannot be driven: too few points, not finite, or off the map."""
+    """Path that cannot be driven: too few points, not finite, or off the map."""
 
 
 def expect(value: object, kind: type, name: str, remedy: str) -> None:
-    """Raise a sentence where an argument is not what a call was made for, such as a rover's name in a rover's place."""
+    """Check the type of an argument, such as a rover that is given by its name.
+
+    Args:
+        value: the argument.
+        kind: the class it must be an instance of.
+        name: the argument's name.
+        remedy: end of the message.
+
+    Raises:
+        RockerbogieError: the argument is of another type.
+    """
     if not isinstance(value, kind):
         raise RockerbogieError(f"{name} is {value!r:.60}, not a {kind.__name__}: {remedy}")
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:
-    """One sentence for a name that is not there, with the nearest one that is."""
+    """Return a message for an unknown name, with the most similar known name.
+
+    Args:
+        kind: noun for what is named, such as "surface".
+        name: the unknown name.
+        known: all known names.
+
+    Returns:
+        One sentence that suggests a name and lists all of them.
+    """
     names = sorted(known)
     near = difflib.get_close_matches(name.lower(), names, n=1, cutoff=0.4)
     hint = f"; did you mean {near[0]!r}?" if near else "."
