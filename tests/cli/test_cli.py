@@ -115,7 +115,7 @@ def test_hole_in_the_ground(raster: Callable[..., Path], capsys: pytest.CaptureF
     z = np.zeros((60, 60))
     z[:, 25:35] = np.nan
     file = raster(z)
-    assert "unknown ground" in complaint(capsys, "settle", "-t", file, "--at", "3,3")
+    assert "missing data" in complaint(capsys, "settle", "-t", file, "--at", "3,3")
     record = json.loads(answer(capsys, "drive", "-t", file, "--json"))
     assert record["status"]["NO_DATA"] > 0  # a hole on the way is an answer, not a mistake
     assert record["status"]["CONVERGED"] > 0

@@ -1,1 +1,1 @@
-"""Poses of a rover at rest on terrain: solver, results, status codes, uncertainty."""
+"""Poses of a rover on terrain: solver, results, status codes, uncertainty."""

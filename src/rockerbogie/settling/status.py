@@ -1,4 +1,4 @@
-"""What became of each pose. Hard ground never raises; it says here what happened."""
+"""Status codes of poses, with their meaning and remedy."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import IntEnum
 
 
 class Status(IntEnum):
-    """One code a pose (uint8). `MEANING` says what each is and what to do about it."""
+    """Status code of a pose (uint8). `MEANING` gives the meaning and the remedy of each."""
 
     CONVERGED = 0
     OFF_MAP = 1
@@ -18,32 +18,33 @@ class Status(IntEnum):
     TIPPED = 7
 
 
+#: Status -> (meaning, remedy).
 MEANING: dict[Status, tuple[str, str]] = {
-    Status.CONVERGED: ("settled: all six wheels touch, every joint within its stops", "use it"),
+    Status.CONVERGED: ("settled: all six wheels in contact, every joint within its limits", "use it"),
     Status.OFF_MAP: (
-        "part of a tread (at rest: or of the body's box) lies off the map: the pose is nan",
-        "move the place inward or load more ground",
+        "part of a tread (in equilibrium mode also of the body's box) lies off the map: the pose is NaN",
+        "move the position inward or load more terrain",
     ),
     Status.NO_DATA: (
-        "part of a tread (at rest: or of the body's box) lies over unknown ground: the pose is nan",
-        "fill the hole before loading, or leave the place out",
+        "part of a tread (in equilibrium mode also of the body's box) lies over missing data: the pose is NaN",
+        "fill the missing data before loading, or leave the position out",
     ),
     Status.JOINT_STOP: (
-        "contact mode: six wheels touch only with a joint beyond its stop; equilibrium: at rest with a joint on its stop",
-        "ask mode='equilibrium' which wheel lifts; or widen the rover's stops",
+        "contact mode: six wheels are in contact only with a joint beyond its limit; equilibrium mode: a joint is at its limit",
+        "settle with mode='equilibrium' to see which wheel lifts; or widen the rover's joint limits",
     ),
     Status.NOT_CONVERGED: (
-        "contact mode: no pose was found whose six gaps are zero; equilibrium: none that its forces hold; the pose is nan",
-        "the ground is too steep for this linkage here; try mode='equilibrium'",
+        "contact mode: no pose with six zero gaps was found; equilibrium mode: no pose in balance was found; the pose is NaN",
+        "the terrain is too steep for this linkage here; try mode='equilibrium'",
     ),
-    Status.WHEEL_LIFTED: ("equilibrium: at rest with a wheel in the air", "see wheel_lifted for which"),
+    Status.WHEEL_LIFTED: ("equilibrium mode: a wheel is off the ground", "see wheel_lifted for which"),
     Status.BELLY_CONTACT: (
-        "equilibrium: at rest with the body's box on the ground; contact mode does not look (see clearance)",
-        "the rover is high-centred: choose another place",
+        "equilibrium mode: the body's box is on the terrain; contact mode does not check this (see clearance)",
+        "the rover is high-centred: choose another position",
     ),
     Status.TIPPED: (
-        "equilibrium: the rover tips over (1.3 rad of roll or pitch) on the descent from above, and no rest was found "
-        "from the six-wheel pose either; the pose is nan",
-        "no rest is known here: choose another place or heading",
+        "equilibrium mode: the rover tips over (1.3 rad of roll or pitch) on the descent from above, and no equilibrium was "
+        "found from the six-wheel pose either; the pose is NaN",
+        "no equilibrium is known here: choose another position or yaw",
     ),
 }

@@ -1,4 +1,4 @@
-"""How far a predicted attitude may be off: the rover settled on grounds and at places drawn from all that is not known."""
+"""Uncertainty of predicted attitude: poses on random terrain and at random positions drawn from the given uncertainties."""
 
 from __future__ import annotations
 
@@ -7,37 +7,46 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..rotations import wrap_angle
 from ..rover.model import Rover
 from ..terrain.heightfield import Terrain
 from ..terrain.roughness import Roughness, correlated_error, draw_ground, wave_numbers
 from .settle import settle
 
-Array = NDArray[np.float64]
-
-#: Factors on the drawn relief that are tried: a quarter of what was extrapolated to four times as much.
+#: Factors on the drawn relief that are tried: from a quarter of the extrapolated relief to four times as much.
 FACTORS = 2.0 ** np.arange(-2, 2.1, 0.25)
-#: A row that moved less than this, m, and turned less, rad, is at the same place still; there are at most so many places
-#: to draw for: the distance is doubled until there are.
+#: A row that moved less than MOVED, m, and turned less than TURNED, rad, belongs to the position before it. If there are more
+#: than MOST_PLACES positions, both limits are doubled.
 MOVED, TURNED, MOST_PLACES = 0.5, 0.25, 300
 
 
 @dataclass(frozen=True)
 class Doubt:
-    """What is not known: where the rover stands (standard deviation of x and of y, m), how far the model's heights are off
-    (standard deviation and length of correlation, m), and the relief it lacks."""
+    """Uncertainties of a prediction: position, height error of the terrain model, and relief that the model lacks."""
 
-    position_sigma: float
-    height_sigma: float
-    height_length: float
-    roughness: Roughness
+    position_sigma: float  # standard deviation of x and of y, m
+    height_sigma: float  # standard deviation of the model's heights, m
+    height_length: float  # correlation length of the height error, m
+    roughness: Roughness  # relief below the model's resolution
 
     def spectrum(self, k: Array) -> Array:
-        """Of height error and missing relief together, m⁴."""
+        """Return the power spectrum of height error and missing relief together.
+
+        Args:
+            k: (...) wave numbers, rad/m.
+
+        Returns:
+            (...) m⁴.
+        """
         return correlated_error(self.height_sigma, self.height_length, k) + self.roughness.spectrum(k)
 
     def sources(self) -> dict[str, Doubt]:
-        """Each thing not known, as if all others were."""
+        """Return each uncertainty alone, the others set to 0.
+
+        Returns:
+            Name -> Doubt.
+        """
         smooth = replace(self.roughness, strength=0.0)
         return {
             "position": replace(self, height_sigma=0.0, roughness=smooth),
@@ -47,7 +56,15 @@ class Doubt:
 
 
 def stands(x: Array, y: Array, yaw: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The row (p,) at which each place begins, and the place (n,) of each row: rows that hardly move are one place."""
+    """Group rows that hardly move into positions.
+
+    Args:
+        x, y: (n,) m.
+        yaw: (n,) rad.
+
+    Returns:
+        Index of the first row (p,) of each position, and the position (n,) of each row.
+    """
     moved = MOVED
     while True:
         first, stand = [0], np.zeros(len(x), dtype=np.int64)
@@ -72,10 +89,22 @@ def sample(
     draws: int,
     rng: np.random.Generator,
 ) -> Array:
-    """Pitch and roll (factors, draws, 2) of the rover settled about `place` (x, y, yaw) on drawn grounds, rad.
+    """Settle the rover near a position on random terrain.
 
-    Each draw is a patch just large enough for the rover: the model's ground about a drawn place, resampled to a wheel's
-    radius or finer, plus drawn relief times the factor. The patches lie in one strip; factors share the draws.
+    Each draw is a patch just large enough for the rover: the terrain model near a random position, resampled to a wheel radius
+    or finer, plus random relief times the factor. The patches lie in one strip; all factors use the same draws.
+
+    Args:
+        rover, terrain: the mechanism and the terrain model.
+        place: x, y (m) and yaw (rad).
+        steering: (6,) rad.
+        doubt: the uncertainties.
+        factors: (f,) factors on the drawn relief.
+        draws: number of draws.
+        rng: random generator.
+
+    Returns:
+        (f, draws, 2) pitch and roll, rad; NaN where the rover does not settle or the model has no data.
     """
     spacing = min(terrain.spacing)
     spacing /= np.ceil(spacing / float(np.min(rover.wheel_radius)))
@@ -100,8 +129,15 @@ def sample(
 
 
 def limits(sampled: Array, level: float) -> Array:
-    """Low and high end (factors, 2, channels) that hold the middle `level` of draws (factors, draws, channels); nan where
-    more than half of them did not settle."""
+    """Return the central interval that holds a share of the draws.
+
+    Args:
+        sampled: (factors, draws, channels).
+        level: share of the draws, 0 to 1.
+
+    Returns:
+        (factors, 2, channels) low and high end; NaN if half of the draws or more did not settle.
+    """
     known = np.isfinite(sampled).mean(axis=1) > 0.5
     found = np.full((*known.shape[:1], 2, known.shape[1]), np.nan)
     for k, c in np.argwhere(known):
@@ -110,16 +146,29 @@ def limits(sampled: Array, level: float) -> Array:
 
 
 def interval_score(low: Array, high: Array, value: Array, level: float) -> Array:
-    """Width plus 2/(1 - level) of what a value lies outside: least, on average, for the band that is true (Gneiting and
-    Raftery 2007, eq. 43)."""
+    """Return the interval score (Gneiting and Raftery 2007, eq. 43), which is least on average for the true interval.
+
+    Args:
+        low, high: (...) ends of the interval.
+        value: (...) observed value.
+        level: nominal coverage, 0 to 1.
+
+    Returns:
+        (...) width plus 2/(1 - level) times the distance of the value from the interval.
+    """
     return np.asarray(high - low + 2 / (1 - level) * (np.maximum(low - value, 0) + np.maximum(value - high, 0)))
 
 
 def fit_factors(scores: Array, x: Array, y: Array, apart: float) -> tuple[Array, float]:
-    """The factor (places,) of least score over all places more than `apart` away from each, and that over all places.
+    """Choose the factor with the least score, for each position from the positions more than `apart` away from it.
 
     Args:
-        scores: (places, factors); nan does not count. A place with none to learn from gets 1.
+        scores: (p, factors); NaN counts as 0.
+        x, y: (p,) positions, m.
+        apart: m.
+
+    Returns:
+        Factor (p,) of each position, 1 if there are no scores far enough away; and the factor over all positions.
     """
     scores = np.nan_to_num(scores)
     far = np.hypot(x[:, None] - x, y[:, None] - y) > apart

@@ -1,0 +1,135 @@
+"""Table of the settle engines: which kernels solve a batch in a given mode, interpolation and engine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._kernels import batch
+from .._kernels.jit.decorators import parallel_for
+from ..arrays import Array
+from ..rover.model import Rover
+from ..terrain.heightfield import Terrain
+from .status import Status
+
+Mode = Literal["contact", "equilibrium"]
+Engine = Literal["simd", "scalar"]
+
+HEADING_BINS = 64  # bins of half a turn by which poses are sorted on bilinear terrain
+
+_engine: ContextVar[Engine] = ContextVar("rockerbogie_settle_engine", default="simd")
+
+
+class Batch(NamedTuple):
+    """Poses to solve: inputs, and the arrays to fill."""
+
+    rover: Rover
+    terrain: Terrain
+    x: Array  # (n,) m
+    y: Array  # (n,) m
+    yaw: Array  # (n,) rad
+    steering: Array  # (n, 6) or (1, 6) rad
+    q: Array  # (n, 6) filled: z (m), roll, pitch, rocker, bogie left, bogie right (rad)
+    status: NDArray[np.uint8]  # (n,) filled
+    report: Array  # (n, equilibrium.R_SIZE) filled in equilibrium mode; (0, R_SIZE) in contact mode
+
+
+def settle_batch(mode: Mode, poses: Batch) -> None:
+    """Solve a batch with the engine of the table.
+
+    Args:
+        mode: "contact" or "equilibrium".
+        poses: inputs; `q`, `status` and (in equilibrium mode) `report` are filled.
+    """
+    ENGINES[mode, poses.terrain.interpolation, _engine.get()](poses)
+
+
+@contextmanager
+def use_engine(engine: Engine) -> Iterator[None]:
+    """Select the engine inside a `with` block, for tests: "scalar" solves each pose by itself.
+
+    Args:
+        engine: "simd" (default: 16 poses at once, the rest by the scalar engine) or "scalar".
+    """
+    token = _engine.set(engine)
+    try:
+        yield
+    finally:
+        _engine.reset(token)
+
+
+def _contact_cubic(poses: Batch) -> None:
+    """Solve in contact mode on cubic terrain with SIMD lanes; poses they leave go to the scalar engine."""
+    parallel_for(batch.settle_cubic, poses.status.size, *_inputs(poses))
+    _contact_left(poses)
+
+
+def _contact_linear(poses: Batch) -> None:
+    """Solve in contact mode on bilinear terrain with SIMD lanes; poses they leave go to the scalar engine."""
+    order = _by_heading(poses.yaw) if poses.rover.wheel_width.any() else np.arange(poses.status.size)
+    parallel_for(batch.settle_linear, poses.status.size, *_inputs(poses), order)
+    _contact_left(poses)
+
+
+def _contact_left(poses: Batch) -> None:
+    """Solve the poses whose status is UNSETTLED one by one."""
+    left = np.flatnonzero(poses.status == batch.UNSETTLED)
+    if left.size > 0:
+        parallel_for(batch.settle_left, left.size, *_inputs(poses), left)
+
+
+def _contact_scalar(poses: Batch) -> None:
+    """Solve every pose in contact mode by itself."""
+    parallel_for(batch.settle_left, poses.status.size, *_inputs(poses), np.arange(poses.status.size))
+
+
+def _equilibrium(poses: Batch) -> None:
+    """Solve in equilibrium mode: from above, then, if that fails, from the six-wheel pose."""
+    inputs = _inputs(poses)
+    parallel_for(batch.rest_batch, poses.status.size, *inputs, poses.report)
+    left = np.flatnonzero((poses.status == Status.TIPPED) | (poses.status == Status.NOT_CONVERGED))
+    if left.size > 0:
+        parallel_for(batch.settle_left, left.size, *inputs[:-1], poses.status.copy(), left)
+        parallel_for(batch.rest_left, left.size, *inputs, poses.report, left)
+
+
+def _inputs(poses: Batch) -> tuple[object, ...]:
+    """Return the leading arguments that all batch kernels share."""
+    return (
+        poses.terrain.packed,
+        poses.rover.packed,
+        poses.x,
+        poses.y,
+        poses.yaw,
+        poses.steering,
+        poses.q,
+        poses.status,
+    )
+
+
+def _by_heading(yaw: Array) -> NDArray[np.int64]:
+    """Return an order (n,) that groups poses with like or opposite yaw, for speed.
+
+    Wheels in neighbouring SIMD lanes then lie over cells in the same way. The order does not change any result.
+    """
+    with np.errstate(invalid="ignore"):  # a yaw of 1e18 rad has no bin
+        part = np.floor(yaw * (HEADING_BINS / np.pi)).astype(np.int64) & (HEADING_BINS - 1)
+    return np.argsort(part.astype(np.uint8), kind="stable")
+
+
+#: Mode, interpolation and engine -> function. Equilibrium mode has one engine.
+ENGINES: dict[tuple[Mode, Literal["linear", "cubic"], Engine], Callable[[Batch], None]] = {
+    ("contact", "cubic", "simd"): _contact_cubic,
+    ("contact", "linear", "simd"): _contact_linear,
+    ("contact", "cubic", "scalar"): _contact_scalar,
+    ("contact", "linear", "scalar"): _contact_scalar,
+    ("equilibrium", "cubic", "simd"): _equilibrium,
+    ("equilibrium", "linear", "simd"): _equilibrium,
+    ("equilibrium", "cubic", "scalar"): _equilibrium,
+    ("equilibrium", "linear", "scalar"): _equilibrium,
+}

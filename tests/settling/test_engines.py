@@ -1,0 +1,56 @@
+"""Both settle engines give the same poses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rockerbogie as rb
+from rockerbogie.settling.engines import ENGINES, use_engine
+from support.helpers import assert_close
+
+PRESETS = ("elhami-dashti", "curiosity", "perseverance", "rocky7", "osr", "sawppy")
+COUNT = 150
+
+
+@pytest.mark.parametrize("surface", ["rough", "rocks"])
+@pytest.mark.parametrize("interpolation", ["cubic", "linear"])
+@pytest.mark.parametrize("name", PRESETS)
+def test_simd_and_scalar_engine_agree(name: str, interpolation: str, surface: str) -> None:
+    rover = rb.load_rover(name)
+    unit = float(rover.wheel_radius[0])
+    grid = {"size": 60 * unit, "spacing": 0.3 * unit, "interpolation": interpolation}
+    if surface == "rough":
+        terrain = rb.surfaces.rough(5, max_slope=0.4, min_radius=3 * unit, **grid)
+    else:
+        terrain = rb.surfaces.rocks(0.1, 5, smallest=unit, largest=4 * unit, **grid)
+    rng = np.random.default_rng(17)
+    x, y = rng.uniform(-18, 18, (2, COUNT)) * unit
+    arguments = (rover, terrain, x, y, rng.uniform(-3, 3, COUNT))
+    steering = rng.uniform(-0.5, 0.5, (COUNT, 6)) * rover.steers
+    simd = rb.settle(*arguments, steering=steering)
+    with use_engine("scalar"):
+        scalar = rb.settle(*arguments, steering=steering)
+    assert np.array_equal(simd.status, scalar.status)
+    assert np.isfinite(simd.z).sum() > 0.95 * COUNT
+    assert_close(simd.q, scalar.q, 1e-9, "m, rad", "the same contacts, solved by two independent kernels")
+
+
+def test_every_mode_and_interpolation_has_both_engines() -> None:
+    modes, interpolations, engines = (set(column) for column in zip(*ENGINES, strict=True))
+    assert set(ENGINES) == {(m, i, e) for m in modes for i in interpolations for e in engines}
+    assert engines == {"simd", "scalar"}
+
+
+def test_the_scalar_engine_ends_with_its_block() -> None:
+    calls = []
+    saved = dict(ENGINES)
+    try:
+        ENGINES.update({key: (lambda poses, key=key: (calls.append(key[2]), saved[key](poses))) for key in saved})
+        rover, terrain = rb.load_rover("rocky7"), rb.surfaces.plane()
+        with use_engine("scalar"):
+            rb.settle(rover, terrain, 0.0, 0.0)
+        rb.settle(rover, terrain, 0.0, 0.0)
+    finally:
+        ENGINES.update(saved)
+    assert calls == ["scalar", "simd"]
