@@ -229,7 +229,7 @@ def test_a_path_wholly_off_the_map_is_refused(start: tuple[float, float]) -> Non
     ("options", "sentence"),
     [
         ({"speed": 0}, "speed is 0 m/s; give one above 0"),
-        ({"speed": -0.1}, "to go backwards, give a path that faces back"),
+        ({"speed": -0.1}, "to drive backwards, give a path whose yaw points back"),
         ({"speed": np.nan}, "speed is nan"),
         ({"step": 0}, "step is 0 m"),
         ({"step": np.inf}, "step is inf m"),

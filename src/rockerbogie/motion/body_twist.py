@@ -1,4 +1,4 @@
-"""Navigation kinematics: what the sensors on board say of the body's motion."""
+"""Navigation kinematics: the body's twist from the sensors on board."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ UNKNOWNS = 9  # twist, rocker rate, bogie rates
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """How far each reading is trusted: standard deviations, numbers or arrays that broadcast with the reading."""
+    """Standard deviations of the readings: numbers or arrays that broadcast with the reading."""
 
-    roll_slip: ArrayLike = 5e-3  # m/s: wheels slip
+    roll_slip: ArrayLike = 5e-3  # m/s
     side_slip: ArrayLike = 5e-3  # m/s
-    lift: ArrayLike = 1e-3  # m/s: how well the contact angle is known, times the speed
+    lift: ArrayLike = 1e-3  # m/s: uncertainty of the contact angle times the speed
     joint_rate: ArrayLike = 1e-3  # rad/s, rocker and bogies
     gyro: ArrayLike = 1e-4  # rad/s
     inclinometer: ArrayLike = 1e-2  # rad/s
@@ -34,7 +34,7 @@ Noise = SensorNoise
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """The body's motion as the sensors have it. What they leave open is nan, with infinite covariance."""
+    """The body's motion from its sensors. Components that they do not determine are NaN, with infinite covariance."""
 
     twist: Array  # (..., 6) vx, vy, vz, ωx, ωy, ωz in the body frame, m/s and rad/s
     covariance: Array  # (..., 6, 6) of the twist
@@ -57,25 +57,29 @@ def body_twist(
     expected_slip: ArrayLike | None = None,
     noise: SensorNoise | None = None,
 ) -> Motion:
-    """The body's twist from any of its sensors, by weighted least squares over the contacts of six wheels.
+    """Compute the body's twist from any of its sensors, by weighted least squares over the contacts of six wheels.
 
-    Each wheel says that its tread does not slip along or across and neither leaves the ground nor sinks; rates that are
-    not measured are solved for beside the twist. A nan reading is no reading.
+    Each wheel gives three equations: its tread does not slip along or across, and does not leave the terrain. Rates that are
+    not measured are unknowns beside the twist. NaN marks a missing reading.
 
     Args:
+        rover: the pose's rover.
         pose: joint and contact angles, as for `wheel_jacobians`.
-        wheel_rates: (..., 6) of each motor, wheel against its link, forward positive, rad/s.
+        wheel_rates: (..., 6) of each motor, wheel relative to its link, forward positive, rad/s.
         rocker_rate, bogie_rates: (...) of the left rocker and (..., 2), rad/s.
-        steering_rates: (..., 6) rad/s; not given, the wheels hold their steering.
+        steering_rates: (..., 6) rad/s; default 0.
         gyro: (..., 3) angular velocity in the body frame, rad/s.
         inclinometer_rates: (..., 2) rates of roll and pitch, rad/s; needs a pose that has `roll` and `pitch`.
-        steering: (..., 6) rad; default the pose's own.
-        expected_slip: (..., 6, 3) roll slip, side slip and lift of each wheel where something tells them (a model of
-            the soil, a guess of the ground's slope), m/s; default 0.
-        noise: how far each is trusted.
+        steering: (..., 6) rad; default: the pose's own.
+        expected_slip: (..., 6, 3) roll slip, side slip and lift of each wheel, from a soil model or a terrain slope, m/s;
+            default 0.
+        noise: standard deviations of the readings.
+
+    Returns:
+        Motion, with batch axes from broadcasting all arguments.
 
     Raises:
-        RockerbogieError: a reading whose shape does not fit, or that is infinite.
+        RockerbogieError: a pose of another rover, a reading whose shape does not fit, or that is infinite.
     """
     readings: dict[str, tuple[Array, Array]] = {}
     noise = noise or SensorNoise()
@@ -106,14 +110,14 @@ def body_twist(
     A = np.concatenate([np.broadcast_to(a, (*shape, *a.shape[-2:])) for a, _ in equations], axis=-2)
     b = np.concatenate([np.broadcast_to(v, (*shape, v.shape[-1])) for _, v in equations], axis=-1)
     x, covariance = _least_squares(A, b)
-    # the unknowns left open are nan, and so is every contact they move
+    # Unknowns that are not determined are NaN, and so is every contact that depends on them.
     contact = np.einsum("...ijk,...k->...ij", rows[..., :3, :9], x) + rows[..., :3, 9] * turned[..., None]
     contact[..., 0] -= rolled
     return Motion(x[..., :6], covariance[..., :6, :6], x[..., 6], x[..., 7:], contact)
 
 
 def _equations(row: Array, value: Array, steering_rates: Array, sigma: ArrayLike) -> tuple[Array, Array]:
-    """Whitened row · unknowns = value, one a wheel; a nan value strikes its equation out."""
+    """Return the whitened equations row · unknowns = value, one per wheel; a NaN value removes its equation."""
     weight = 1.0 / np.asarray(sigma, dtype=float)
     right = value - row[..., 9] * steering_rates
     known = np.isfinite(right) & np.isfinite(row).all(axis=-1)
@@ -122,15 +126,15 @@ def _equations(row: Array, value: Array, steering_rates: Array, sigma: ArrayLike
 
 
 def _direct(value: Array, columns: list[int], sigma: ArrayLike) -> tuple[Array, Array]:
-    """Whitened equations of sensors that read the unknowns of these columns themselves."""
+    """Return the whitened equations of sensors that measure the unknowns of these columns directly."""
     row = np.eye(UNKNOWNS + 1)[columns]
     return _equations(np.broadcast_to(row, (*value.shape[:-1], *row.shape)), value, np.zeros(1), sigma)
 
 
 def _leaning(pose: ContactState, rates: Array, sigma: ArrayLike) -> tuple[Array, Array]:
-    """Whitened equations of the rates of roll and pitch, which eq. 10 makes of the angular velocity."""
+    """Return the whitened equations of the rates of roll and pitch in terms of the angular velocity (eq. 10)."""
     if not (hasattr(pose, "roll") and hasattr(pose, "pitch")) or callable(pose.roll):  # a Dataset's roll is its method
-        raise RockerbogieError("inclinometer_rates need to know how the body leans: give a pose that has roll and pitch")
+        raise RockerbogieError("inclinometer_rates need the attitude: give a pose that has roll and pitch")
     roll, pitch = np.asarray(pose.roll, dtype=float), np.asarray(pose.pitch, dtype=float)
     row = np.zeros((*np.broadcast_shapes(roll.shape, pitch.shape), 2, UNKNOWNS + 1))
     row[..., 0, 3] = 1.0
@@ -140,7 +144,7 @@ def _leaning(pose: ContactState, rates: Array, sigma: ArrayLike) -> tuple[Array,
 
 
 def _least_squares(A: Array, b: Array) -> tuple[Array, Array]:
-    """x (..., 9) of least |A x − b|, and its covariance; elements that A leaves open are nan, theirs infinite."""
+    """Return x (..., 9) of least |A x − b| and its covariance; undetermined elements are NaN, with infinite covariance."""
     U, s, Vt = np.linalg.svd(A, full_matrices=False)
     seen = s > 1e-9 * s[..., :1]
     inverse = np.where(seen, 1.0 / np.where(seen, s, 1.0), 0.0)

@@ -1,4 +1,4 @@
-"""Along a path, quasi-static: the rover settled at every station, and how fast everything moves there."""
+"""Quasi-static drives: poses at stations along a path, with the rates of all variables."""
 
 from __future__ import annotations
 
@@ -11,23 +11,27 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._version import __version__
+from ..arrays import Array
 from ..errors import PathError, RockerbogieError, expect
+from ..rotations import wrap_angle
 from ..rover.model import LOAD_ROVER, Rover
-from ..settling.dataset import VARIABLES, run_dataset
+from ..settling.dataset import EQUILIBRIUM_VARIABLES, VARIABLES, run_dataset
+from ..settling.engines import Mode
 from ..settling.pose import Pose
-from ..settling.settle import settle
+from ..settling.settle import check_mode, settle
 from ..settling.status import Status
 from ..terrain.heightfield import Terrain
-from .jacobian import contact_rows
+from .jacobian import contact_rows, reading, solve_each
 from .path import Path, PathSample
 
 if TYPE_CHECKING:
     import xarray as xr
 
-Array = NDArray[np.float64]
-
-#: Most stations of one drive: 2 km a centimetre apart, 2 GB while the rates are worked out.
+#: Largest number of stations of one drive: 2 km at 1 cm, for which the rates take 2 GB.
 MOST_STATIONS = 200_000
+#: Indices of z, roll, pitch, rocker and bogies among the rates of x, y, z, roll, pitch, yaw, rocker, bogies.
+SOLVED = (2, 3, 4, 6, 7, 8)
+EXACT = "exact derivatives with the steering held; contact_angle_rate by central differences"
 
 
 def drive(
@@ -38,70 +42,96 @@ def drive(
     *,
     step: float = 0.01,
     steering: ArrayLike | None = None,
+    mode: Mode = "contact",
+    near: ArrayLike | None = None,
 ) -> xr.Dataset:
-    """Drive a rover along a path, slowly enough that it always rests on its wheels (the paper's section III).
+    """Drive a rover along a path quasi-statically (the paper's section III): one pose per station, and the rates there.
 
-    Rates are exact derivatives, not differences: the settled pose keeps six treads on the ground, and how it does so
-    follows linearly from the rates of x, y and yaw (`drive_rates`). The steering's own rate is left out: on lines and
-    arcs it holds still, but for the joints between them, where the wheels turn on the spot. `contact_angle_rate` alone
-    is a central difference of the stations.
+    Rates are exact derivatives of the settled pose with respect to x, y and yaw (`drive_rates`). The rate of the steering itself
+    is left out: it is 0 on lines and arcs, and at the joints between them the wheels turn on the spot. `contact_angle_rate`
+    alone is a central difference of the stations.
+
+    In equilibrium mode a pose is determined by the wheels in contact and the joints at their limits. Where these are six
+    conditions, rates are exact; elsewhere (body on the terrain, say) they are central differences of the stations. The wheel rate
+    of a wheel off the ground is that of its tread point with the least gap.
 
     Args:
-        path: within the terrain's map; stations off it are nan and their `status` says so.
-        speed: along the path as the map shows it, without its ups and downs, m/s, above 0.
-        step: between stations, m; made a little less where the path's length is not a whole number of them.
-        steering: (6,) or (n, 6) for the n stations, rad; default `ackermann` for the path's curvature.
+        rover: the mechanism.
+        terrain: the height field.
+        path: within the map; stations off it are NaN with status OFF_MAP.
+        speed: horizontal speed along the path, m/s, above 0.
+        step: horizontal distance between stations, m; reduced a little if the path's length is not a multiple of it. (The time
+            between records of `simulate` is its argument `interval`, s.)
+        steering: (6,) or (n, 6) for the n stations, rad; default: `ackermann` for the path's curvature.
+        mode: "contact" or "equilibrium", as for `settle`.
+        near: (6,) steering angles before the start, rad. Each wheel then stays within a quarter turn of its angle at the station
+            before, and may turn beyond ±90 deg. Default: each angle within ±90 deg, with jumps of half a turn.
 
     Returns:
-        Dataset over `time` (docs/design.md); `attrs["status_summary"]` says in words how many stations settled.
+        Dataset over `time` (docs/design.md), with `distance` the horizontal distance along the path; in equilibrium mode also
+        `support`, `belly_support`, `wheel_lifted` and `joint_stop`. `attrs["status_summary"]` counts the stations by status.
 
     Raises:
-        PathError: at no station all wheels stand on the map; a step or speed that is not above 0; too many stations.
-        RockerbogieError: steering that does not fit.
+        PathError: all stations off the map; a step or speed that is not above 0; too many stations.
+        RockerbogieError: steering that does not fit; unknown mode.
     """
     expect(rover, Rover, "rover", LOAD_ROVER)
     expect(path, Path, "path", "make one with rockerbogie.Path.straight, arc, waypoints or from_arrays")
+    check_mode(mode)
     if not (np.isfinite(speed) and speed > 0):
-        raise PathError(f"speed is {speed} m/s; give one above 0 (to go backwards, give a path that faces back)")
+        raise PathError(f"speed is {speed} m/s; give one above 0 (to drive backwards, give a path whose yaw points back)")
     if not (np.isfinite(step) and step > 0):
         raise PathError(f"step is {step} m; give one above 0")
+    if near is not None and steering is not None:
+        raise RockerbogieError("steering and near are both given: give steering for fixed angles, or near to choose them")
     count = int(np.ceil(path.length / step - 1e-9))
     if count >= MOST_STATIONS:
         raise PathError(f"{path.length:g} m in steps of {step:g} m is more than {MOST_STATIONS:,} stations: give a longer step")
     distance = np.linspace(0.0, path.length, count + 1)
     at = path.sample(distance)
-    turn = ackermann(rover, at.curvature, at.course - at.yaw) if steering is None else np.asarray(steering, dtype=float)
+    if steering is None:
+        turn = ackermann(rover, at.curvature, at.course - at.yaw)
+        turn = turn if near is None else _continuous(rover, turn, reading("near", near, 6))
+    else:
+        turn = np.asarray(steering, dtype=float)
     if turn.shape not in ((6,), (len(distance), 6)):
         raise RockerbogieError(f"steering has shape {turn.shape}; give (6,) or ({len(distance)}, 6), one row a station")
-    pose = settle(rover, terrain, at.x, at.y, at.yaw, steering=turn)
+    pose = settle(rover, terrain, at.x, at.y, at.yaw, steering=turn, mode=mode)
     if (pose.status == Status.OFF_MAP).all():
         xmin, ymin, xmax, ymax = terrain.bounds
         raise PathError(
             f"the path ({path.description}) lies wholly off the map, which spans "
-            f"({xmin:.10g}, {ymin:.10g}) to ({xmax:.10g}, {ymax:.10g}) m: move the path or load that ground"
+            f"({xmin:.10g}, {ymin:.10g}) to ({xmax:.10g}, {ymax:.10g}) m: move the path or load that terrain"
         )
     time = distance / speed
-    values = {name: getattr(pose, name) for name in VARIABLES} | drive_rates(pose, at, speed)
+    differences = np.gradient(pose.q, time, axis=0) if mode == "equilibrium" else None
+    names = VARIABLES if mode == "contact" else VARIABLES | EQUILIBRIUM_VARIABLES
+    values = {name: getattr(pose, name) for name in names} | drive_rates(pose, at, speed, differences)
     values["contact_angle_rate"] = np.gradient(pose.contact_angle, time, axis=0)
     attrs = {
         "path": path.description,
         "speed": float(speed),
+        "mode": mode,
         "source": f"rockerbogie {__version__} drive",
-        "rates": "exact derivatives with the steering held; contact_angle_rate by central differences",
+        "rates": EXACT if mode == "contact" else EXACT + "; all rates so where wheels and joint limits do not determine the pose",
         "status_summary": summary(pose.status, distance),
     }
     return run_dataset(rover, terrain, time, distance, values, attrs)
 
 
 def ackermann(rover: Rover, curvature: ArrayLike, crab: ArrayLike = 0.0) -> Array:
-    """Steering (..., 6) that points each steerable wheel along its own way, rad: planar, the joints at rest.
+    """Return the steering that points each steerable wheel along its own path; planar, all other joints at 0.
 
-    Seen from above, a body that goes in direction `crab` and turns by `curvature` a metre moves each wheel's steering
-    axis square to the line from the centre of the turn. Wheels are turned a quarter at most, and roll backwards beyond.
+    Seen from above, the body travels in direction `crab` and turns by `curvature` per metre. Each wheel's steering axis then
+    moves perpendicular to its line to the turning centre. Angles lie within ±π/2; beyond, wheels roll backwards.
 
     Args:
+        rover: the mechanism.
         curvature: (...) of the path at the reference point, 1/m, left positive.
-        crab: (...) direction of travel to the body's x, rad.
+        crab: (...) direction of travel relative to the body's x axis, rad.
+
+    Returns:
+        (..., 6) rad; 0 for wheels that do not steer.
     """
     kappa, beta = (np.asarray(a, dtype=float)[..., None] for a in (curvature, crab))
     axis = rover.hubs[:, :2] + rover.steering_offset
@@ -111,11 +141,28 @@ def ackermann(rover: Rover, curvature: ArrayLike, crab: ArrayLike = 0.0) -> Arra
     return np.where(rover.steers, angle, 0.0)
 
 
-def drive_rates(pose: Pose, at: PathSample, speed: float) -> dict[str, Array]:
-    """Rates (n,) or (n, 2), (n, 6) of a pose that goes along its path at `speed` m/s, by their names in a run.
+def _continuous(rover: Rover, steering: Array, near: Array) -> Array:
+    """Return steering (n, 6) shifted by half turns so that each wheel stays within π/2 of its angle before, from `near` (6,)."""
+    first = near + wrap_angle(2 * (steering[:1] - near)) / 2
+    return np.where(rover.steers, np.unwrap(np.concatenate([first, steering[1:]]), axis=0, period=np.pi), 0.0)
 
-    Six wheels neither leave the ground nor sink (the rows `lift` of `contact_rows`): six linear equations for the
-    rates of z, roll, pitch, rocker and bogies, given those of x, y and yaw. The wheels' rates are those without roll slip.
+
+def drive_rates(pose: Pose, at: PathSample, speed: float, differences: Array | None = None) -> dict[str, Array]:
+    """Compute the rates of a pose that moves along its path.
+
+    The wheels in contact neither leave nor enter the terrain (rows `lift` of `contact_rows`), and joints at a limit do not move.
+    In contact mode these are six linear equations for the rates of z, roll, pitch, rocker and bogies, given those of x, y and
+    yaw. Wheel rates are those without roll slip.
+
+    Args:
+        pose: (n,) poses.
+        at: (n,) their stations.
+        speed: horizontal speed along the path, m/s.
+        differences: (n, 6) rates of z, roll, pitch, rocker and bogies to use where the equations are singular or not six.
+
+    Returns:
+        Variable of a run -> (n,), (n, 2) or (n, 6) per second. NaN if the pose is NaN, or if neither equations nor differences
+        give its rates.
     """
     n = pose.status.size
     known = np.isfinite(pose.q).all(axis=-1)
@@ -129,17 +176,13 @@ def drive_rates(pose: Pose, at: PathSample, speed: float) -> dict[str, Array]:
     twist[:, 3, 5], twist[:, 4, 5], twist[:, 5, 5] = -sp, sr * cp, cr * cp
     by_rate = np.concatenate([rows[..., :6] @ twist[:, None], rows[..., 6:9]], axis=-1)  # (n, 6 wheels, 5 rows, 9)
     given = np.stack([x_rate, y_rate, yaw_rate], axis=-1)
-    solve_for = [2, 3, 4, 6, 7, 8]
+    held = by_rate[known, :, 2] if pose.report is None else _active_constraints(pose, by_rate[:, :, 2])[known]
     found = np.full((n, 6), np.nan)
-    lift = by_rate[known, :, 2]
-    A, b = lift[..., solve_for], -lift[..., [0, 1, 5]] @ given[known, :, None]
-    sound = np.linalg.det(A) != 0  # else the linkage could move while the body stands: its rate is nan
-    found[np.flatnonzero(known)[sound]] = np.linalg.solve(A[sound], b[sound])[..., 0]
+    solved = solve_each(held[..., SOLVED], (-held[..., [0, 1, 5]] @ given[known, :, None])[..., 0])
+    found[known] = solved if differences is None else np.where(np.isnan(solved), differences[known], solved)
     rates = np.empty((n, 9))
-    rates[:, [0, 1, 5]], rates[:, solve_for] = given, found
-    rolled, slid = (
-        np.einsum("nij,nj->ni", by_rate[:, :, row], rates) for row in (0, 1)
-    )  # m/s along each wheel's way, and across
+    rates[:, [0, 1, 5]], rates[:, SOLVED] = given, found
+    rolled, slid = (np.einsum("nij,nj->ni", by_rate[:, :, row], rates) for row in (0, 1))  # m/s along and across each wheel
     names = ("x", "y", "z", "roll", "pitch", "yaw", "rocker")
     return {f"{name}_rate": rates[:, k] for k, name in enumerate(names)} | {
         "bogie_rate": rates[:, 7:],
@@ -148,8 +191,30 @@ def drive_rates(pose: Pose, at: PathSample, speed: float) -> dict[str, Array]:
     }
 
 
+def _active_constraints(pose: Pose, lift: Array) -> Array:
+    """Return the six constraints (n, 6, 9) of equilibrium poses: wheels in contact and joints at limits; NaN if not six.
+
+    `lift` (n, 6, 9) is the lift of each wheel by the rates of x, y, z, roll, pitch, yaw, rocker and bogies.
+    """
+    n = len(lift)
+    joints = np.broadcast_to(np.eye(9)[6:], (n, 3, 9))
+    active = np.concatenate([~pose.wheel_lifted, pose.joint_stop != 0], axis=1)
+    six = np.asarray(active.sum(axis=1) == 6) & ~(pose.belly_support > 0)
+    order = np.argsort(~active, axis=1, kind="stable")[:, :6, None]
+    rows = np.take_along_axis(np.concatenate([lift, joints], axis=1), order, axis=1)
+    return np.where(six[:, None, None], rows, np.nan)
+
+
 def summary(status: NDArray[np.uint8], distance: Array) -> str:
-    """How a drive went, in a sentence: how many stations settled, and what became of the others, and where first."""
+    """Describe a drive in one sentence: the number of settled stations, and each other status with its first station.
+
+    Args:
+        status: (n,) of the stations.
+        distance: (n,) of the stations, m.
+
+    Returns:
+        The sentence.
+    """
     parts = [f"{int((status == Status.CONVERGED).sum())} of {status.size} stations settled"]
     for code in Status:
         hit = status == code
@@ -159,7 +224,11 @@ def summary(status: NDArray[np.uint8], distance: Array) -> str:
 
 
 def to_csv(run: xr.Dataset, file: str | FilePath) -> None:
-    """Write a run as CSV: a row a station, a column a number, headed `name [unit]`, `name_wheel [unit]` and so on.
+    """Write a run as CSV: one row per station, one column per number, named `name [unit]`, `name_wheel [unit]` and so on.
+
+    Args:
+        run: from `drive` or `simulate`.
+        file: the file to write; an existing file is replaced.
 
     Raises:
         RockerbogieError: the file cannot be written.

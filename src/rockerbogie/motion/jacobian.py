@@ -1,4 +1,4 @@
-"""How wheels and joints move the body: the paper's eqs 6-9, derived in docs/jacobians.md."""
+"""Wheel Jacobians and contact rows: the paper's eqs 6-9, derived in docs/jacobians.md."""
 
 from __future__ import annotations
 
@@ -6,18 +6,17 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .._kernels.jit.decorators import parallel_for
 from .._kernels.model import jacobians as kernel
-from ..arrays import flat, flat_steering, spanned
+from ..arrays import Array, flat, flat_steering, spanned
 from ..errors import RockerbogieError
 from ..rover.frames import contact_frames, joint_angles, wheel_frames
 from ..rover.model import Rover
+from ..settling.pose import Pose
 
-Array = NDArray[np.float64]
-
-#: Columns of eq. 9's Jacobian, each a rate: rad/s, and m/s for the two slips along the ground.
+#: Columns of eq. 9's Jacobian, each a rate: rad/s, and m/s for the roll and side slip.
 JACOBIAN_COLUMNS = (
     "rocker",
     "bogie_left",
@@ -32,15 +31,15 @@ JACOBIAN_COLUMNS = (
 #: Columns of the whole rover's system: the suspension's rates, then each other rate wheel by wheel.
 SYSTEM_COLUMNS = JACOBIAN_COLUMNS[:3] + tuple(f"{name}_{i}" for name in JACOBIAN_COLUMNS[3:] for i in range(6))
 
-#: What `contact_rows` tells of each wheel: slip of the tread along and across its way, m/s; how fast it leaves the ground,
-#: m/s; the turn slip and how fast the link that carries the wheel pitches about the axle, rad/s.
+#: Rows of `contact_rows` for each wheel: slip of the tread along and across its rolling direction and the rate at which it
+#: leaves the terrain, m/s; turn slip and pitch rate about the axle of the link that carries the wheel, rad/s.
 ROW_NAMES = ("roll_slip", "side_slip", "lift", "turn_slip", "pitch")
-#: And of what: the body's twist, and the rates of the suspension and of the wheel's steering.
+#: Columns of `contact_rows`: the body's twist, and the rates of the suspension and of the wheel's steering.
 ROW_COLUMNS = ("vx", "vy", "vz", "wx", "wy", "wz", "rocker", "bogie_left", "bogie_right", "steering")
 
 
 class ContactState(Protocol):
-    """What motion needs to know of a pose. `rockerbogie.Pose` is one."""
+    """Joint and contact angles of a rover, which motion functions take. `rockerbogie.Pose` is one."""
 
     @property
     def rocker(self) -> Array:
@@ -61,7 +60,7 @@ Stance = ContactState
 
 @dataclass(frozen=True, eq=False)
 class SimpleStance:
-    """Angles of a rover whose ground is not known: rocker (...), bogie (..., 2), contact and steering (..., 6), rad."""
+    """Joint and contact angles of a rover on unknown terrain: rocker (...), bogie (..., 2), contact, steering (..., 6), rad."""
 
     rocker: Array
     bogie: Array
@@ -69,14 +68,46 @@ class SimpleStance:
     steering: Array
     roll: Array | float = 0.0
     pitch: Array | float = 0.0
-    normal: Array | None = None  # (..., 6, 3) of the ground in the body frame, where it is thought to be other than the rim's
+    normal: Array | None = None  # (..., 6, 3) terrain normals in the body frame; None: normals of the rims
+
+
+def check_rover(rover: Rover, pose: ContactState) -> None:
+    """Check that a pose belongs to the rover given.
+
+    A pose without `rover` passes. A copy of the rover with equal parameters passes. A Dataset is compared by name.
+
+    Args:
+        rover: the rover given.
+        pose: any contact state.
+
+    Raises:
+        RockerbogieError: the pose belongs to another rover.
+    """
+    owner = getattr(pose, "rover", None)
+    if owner is None or owner is rover or (isinstance(owner, str) and owner == rover.name):
+        return
+    if isinstance(owner, Rover) and np.array_equal(owner.packed, rover.packed) and np.array_equal(owner.steers, rover.steers):
+        return
+    name = owner.name if isinstance(owner, Rover) else owner
+    other = f"of rover {name!r}, not of {rover.name!r}" if name != rover.name else f"of another rover named {name!r}"
+    raise RockerbogieError(f"the pose is {other}: give the rover it was settled with (pose.rover), or settle again")
 
 
 def stance_angles(rover: Rover, pose: ContactState, steering: ArrayLike | None) -> tuple[Array, Array, Array, Array]:
-    """Rocker (...), bogie (..., 2), steering and contact angles (..., 6), broadcast together, rad.
+    """Return the joint and contact angles of a pose, broadcast together.
 
-    Steering that is not given is the pose's own, or straight ahead where it has none.
+    Args:
+        rover: the pose's rover.
+        pose: rocker (...), bogie (..., 2), contact_angle (..., 6), rad.
+        steering: (..., 6) rad; None: the pose's own, or 0 if it has none.
+
+    Returns:
+        Rocker (...), bogie (..., 2), steering and contact angles (..., 6), rad.
+
+    Raises:
+        RockerbogieError: a pose of another rover, a shape that does not fit, or steering on a wheel that does not steer.
     """
+    check_rover(rover, pose)
     if steering is None:
         steering = getattr(pose, "steering", None)
     q, b, s = joint_angles(rover, pose.rocker, pose.bogie, steering)
@@ -95,24 +126,28 @@ def wheel_jacobians(
     out: Array | None = None,
     frames: Array | None = None,
 ) -> Array:
-    """J (..., 6, 6, 9) of eq. 9: body twist = J[i] · rates, for each wheel i.
+    """Return J of eq. 9 for each wheel i: body twist = J[i] · rates.
 
-    Rows are the twist (vx, vy, vz, ωx, ωy, ωz) of the body against the ground, in the body frame, m/s and rad/s.
-    Columns are `JACOBIAN_COLUMNS`. `wheel` is eq. 6's θ̇: how fast the wheel rolls off its rim, forward positive; a motor
-    that turns at ω to its link rolls ω − contact_angle's rate. A wheel that does not steer has zeros under `steering`;
-    through the differential, `rocker` (the left one's rate) moves the right wheels by its derivative.
+    Rows are the twist (vx, vy, vz, ωx, ωy, ωz) of the body relative to the terrain, in the body frame, m/s and rad/s.
+    Columns are `JACOBIAN_COLUMNS`. `wheel` is eq. 6's θ̇: the rate at which the wheel rolls over the terrain, forward positive;
+    a motor at rate ω relative to its link rolls ω minus the rate of the contact angle. A wheel that does not steer has zeros
+    under `steering`. Through the differential, `rocker` (rate of the left one) moves the right wheels by its derivative.
 
-    A pose's Jacobians are 2.6 kB: in a loop over batches, fresh memory for them costs more than working them out. Give
-    `out`, and take batches of some thousand poses, which stay near the processor.
+    The Jacobians of a pose take 2.6 kB. In a loop over batches, allocating them takes longer than computing them: give `out`,
+    and use batches of some 1,000 poses, which stay in the processor's cache.
 
     Args:
-        pose: rocker (...), bogie (..., 2), contact_angle (..., 6), rad: a `Pose`, or anything that has them.
-        steering: (..., 6) rad; default the pose's own.
-        out: (..., 6, 6, 9) contiguous, to fill and return instead of a new array; what was in it is no matter.
-        frames: (..., 6, 4, 4) contiguous, filled too if given: T_body_axle as `wheel_frames` has it, for next to nothing.
+        rover: the pose's rover.
+        pose: rocker (...), bogie (..., 2), contact_angle (..., 6), rad: a `Pose`, or any object that has them.
+        steering: (..., 6) rad; default: the pose's own.
+        out: (..., 6, 6, 9) contiguous array to fill and return instead of a new one.
+        frames: (..., 6, 4, 4) contiguous array, also filled if given: T_body_axle as from `wheel_frames`, at little cost.
+
+    Returns:
+        (..., 6, 6, 9).
 
     Raises:
-        RockerbogieError: a shape that does not fit, or steering on a wheel that does not steer.
+        RockerbogieError: a pose of another rover, a shape that does not fit, or steering on a wheel that does not steer.
     """
     q, b, s, delta = stance_angles(rover, pose, steering)
     J = np.empty((*q.shape, 6, 6, 9)) if out is None else _given("out", out, (*q.shape, 6, 6, 9))
@@ -123,7 +158,7 @@ def wheel_jacobians(
 
 
 def _given(name: str, array: Array, shape: tuple[int, ...]) -> Array:
-    """The caller's own array, if it can be filled."""
+    """Return the caller's array if it can be filled, or raise."""
     if not isinstance(array, np.ndarray) or array.shape != shape or array.dtype != float or not array.flags.carray:
         found = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else f"{array!r:.60}"
         raise RockerbogieError(f"{name} is {found}; give a contiguous, writable array: numpy.empty({shape})")
@@ -131,9 +166,19 @@ def _given(name: str, array: Array, shape: tuple[int, ...]) -> Array:
 
 
 def system_jacobian(rover: Rover, pose: ContactState, steering: ArrayLike | None = None) -> Array:
-    """S (..., 36, 39): the six of eq. 9 stacked, (I, I, I, I, I, I)ᵀ · twist = S · rates.
+    """Return the six Jacobians of eq. 9 stacked: (I, I, I, I, I, I)ᵀ · twist = S · rates.
 
-    Columns are `SYSTEM_COLUMNS`; the suspension's three rates are shared, the other six belong to one wheel each.
+    Columns are `SYSTEM_COLUMNS`: the suspension's three rates are shared, each of the other six belongs to one wheel.
+
+    Args:
+        rover: the pose's rover.
+        pose, steering: as for `wheel_jacobians`.
+
+    Returns:
+        S (..., 36, 39).
+
+    Raises:
+        RockerbogieError: as `wheel_jacobians`.
     """
     J = wheel_jacobians(rover, pose, steering)
     S = np.zeros((*J.shape[:-3], 36, 39))
@@ -145,20 +190,30 @@ def system_jacobian(rover: Rover, pose: ContactState, steering: ArrayLike | None
 
 
 def contact_rows(rover: Rover, pose: ContactState, steering: ArrayLike | None = None) -> Array:
-    """Rows (..., 6, 5, 10) of each wheel's contact as a point of a rigid wheel whose motor holds still.
+    """Return each wheel's contact velocity as rows of a rigid wheel whose motor holds still.
 
-    Rows are `ROW_NAMES`, columns `ROW_COLUMNS`. A motor at rate ω takes rω from the roll slip; the rest stands. Unlike
-    eq. 9 to the letter, these hold on curved ground and while wheels lean (docs/jacobians.md).
+    Rows are `ROW_NAMES`, columns `ROW_COLUMNS`. A motor at rate ω subtracts rω from the roll slip; the other rows do not change.
+    In contrast to the literal eq. 9, these rows are valid on curved terrain and for inclined wheels (docs/jacobians.md).
 
     Args:
-        pose: as for `wheel_jacobians`. If it knows the ground (a settled `Pose`), lift is off its contact points along
-            their normals; else off the rim's middle, along the wheel's plane. Slip is that of the rim's middle always: a
-            broad tread that lies flush touches everywhere, and slips on the whole as its middle does.
-        steering: (..., 6) rad. Where it is not the pose's own, the wheel is turned on the plane it stands on.
+        rover: the pose's rover.
+        pose: as for `wheel_jacobians`. For a settled `Pose`, `lift` is the velocity of the contact point along the terrain
+            normal. For other poses it is that of the rim's middle along the normal of the rim. Slip is always that of the
+            rim's middle: a wide tread in contact over its whole width slips on average as its middle does.
+        steering: (..., 6) rad. If it is not the pose's own, the wheel is turned on its own contact plane.
+
+    Returns:
+        (..., 6, 5, 10); NaN for poses that are NaN.
+
+    Raises:
+        RockerbogieError: as `wheel_jacobians`.
     """
     q, b, turn, delta = stance_angles(rover, pose, None)
-    axle = wheel_frames(rover, q, b, turn)
-    contact = contact_frames(rover, axle, delta)
+    if isinstance(pose, Pose):
+        axle, contact = pose.axle_frames, pose.contact_frames
+    else:
+        axle = wheel_frames(rover, q, b, turn)
+        contact = contact_frames(rover, axle, delta)
     normal, aside = contact[..., :3, 2], np.zeros((*q.shape, 6, 1))
     if isinstance(pose, SimpleStance):
         normal = normal if pose.normal is None else pose.normal
@@ -188,7 +243,15 @@ def contact_rows(rover: Rover, pose: ContactState, steering: ArrayLike | None = 
 
 
 def reading(name: str, value: ArrayLike, *last: int) -> Array:
-    """What a sensor or a caller says, as an array whose last axes are `last`; nan is no reading.
+    """Return a sensor reading or an argument as an array whose last axes are `last`. NaN marks a missing reading.
+
+    Args:
+        name: the argument's name, for messages.
+        value: the reading.
+        last: lengths of the last axes.
+
+    Returns:
+        (..., *last) floats.
 
     Raises:
         RockerbogieError: no numbers, another shape, or infinite values.
@@ -206,23 +269,56 @@ def reading(name: str, value: ArrayLike, *last: int) -> Array:
 
 
 def batch_shape(**shapes: tuple[int, ...]) -> tuple[int, ...]:
-    """The batch axes that all of these broadcast to.
+    """Return the batch shape that all arguments broadcast to.
+
+    Args:
+        shapes: batch shape of each argument, by its name.
+
+    Returns:
+        The common shape.
 
     Raises:
-        RockerbogieError: they do not.
+        RockerbogieError: they do not broadcast together.
     """
     try:
         return np.broadcast_shapes(*shapes.values())
     except ValueError:
-        told = ", ".join(f"{name} {shape}" for name, shape in shapes.items() if shape)
-        raise RockerbogieError(f"batch axes do not broadcast together: {told}") from None
+        listed = ", ".join(f"{name} {shape}" for name, shape in shapes.items() if shape)
+        raise RockerbogieError(f"batch axes do not broadcast together: {listed}") from None
+
+
+def solve_each(A: Array, b: Array) -> Array:
+    """Solve A x = b for each matrix of a batch; a singular or NaN matrix gives NaN and does not affect the others.
+
+    Args:
+        A: (..., n, n).
+        b: (..., n).
+
+    Returns:
+        x (..., n).
+    """
+    out = np.full(np.broadcast_shapes(A.shape[:-1], b.shape), np.nan)
+    A, b = np.broadcast_to(A, (*out.shape, A.shape[-1])), np.broadcast_to(b, out.shape)
+    with np.errstate(invalid="ignore"):
+        regular = np.isfinite(A).all(axis=(-2, -1)) & (np.linalg.det(np.nan_to_num(A)) != 0)
+    out[regular] = np.linalg.solve(A[regular], b[regular][..., None])[..., 0]
+    return out
 
 
 def ground_rates(rows: Array, twist: ArrayLike, steering_rates: ArrayLike = 0.0) -> Array:
-    """Rates (..., 3) of rocker and bogies that best keep six wheels on the ground while the body moves at twist (..., 6)."""
+    """Return the rates of rocker and bogies that keep six wheels on the terrain best (least squares) at a given twist.
+
+    Args:
+        rows: (..., 6, 5, 10) from `contact_rows`.
+        twist: (..., 6) of the body in its own frame, m/s and rad/s.
+        steering_rates: (..., 6) rad/s.
+
+    Returns:
+        (..., 3) rad/s: rocker, bogie left, bogie right; NaN for poses that are NaN.
+    """
     given = np.asarray(twist, dtype=float)
     lift = rows[..., 2, :]
     missing = np.einsum("...ij,...j->...i", lift[..., :6], given) + lift[..., 9] * np.asarray(steering_rates, dtype=float)
     A = lift[..., 6:9]
     At = np.swapaxes(A, -1, -2)
-    return np.asarray(np.linalg.solve(At @ A, -(At @ missing[..., None]))[..., 0])
+    return solve_each(At @ A, -(At @ missing[..., None])[..., 0])

@@ -1,28 +1,27 @@
-"""Slip kinematics: how each wheel slips, where the body's motion is known from elsewhere."""
+"""Slip kinematics: slip of each wheel from the body's twist and the wheel rates."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..arrays import Array
 from ..rover.model import Rover
 from .jacobian import ContactState, batch_shape, contact_rows, ground_rates, reading
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Slip:
-    """How the treads move over the ground. `roll` > 0: the wheel goes further than it rolls; `side` to its left."""
+    """Slip of the treads over the terrain. `roll` > 0: the wheel travels further than it rolls; `side` > 0: to its left."""
 
-    roll: Array  # (..., 6) along the wheel's way, m/s
+    roll: Array  # (..., 6) along the rolling direction, m/s
     side: Array  # (..., 6) across it, m/s
-    turn: Array  # (..., 6) about eq. 6's z, in the wheel's plane off the ground, rad/s
-    lift: Array  # (..., 6) off the ground, m/s: what of the motion given no contact allows
-    ratio: Array  # (..., 6) as terramechanics has it, see `slip_ratio`
-    angle: Array  # (..., 6) between the wheel's plane and the way it goes, rad
+    turn: Array  # (..., 6) about z of the contact frame (eq. 6), rad/s
+    lift: Array  # (..., 6) away from the terrain, m/s: the part of the given motion that contact forbids
+    ratio: Array  # (..., 6) slip ratio of terramechanics, see `slip_ratio`
+    angle: Array  # (..., 6) between the wheel's plane and its direction of travel, rad
 
 
 def wheel_slip(
@@ -36,18 +35,22 @@ def wheel_slip(
     steering_rates: ArrayLike | None = None,
     steering: ArrayLike | None = None,
 ) -> Slip:
-    """Each wheel's slip from the body's true motion (visual odometry, a simulation) and the sensors.
+    """Compute each wheel's slip from the body's true motion (visual odometry, a simulation) and the wheel rates.
 
     Args:
+        rover: the pose's rover.
         pose: joint and contact angles, as for `wheel_jacobians`.
         twist: (..., 6) of the body in its own frame, m/s and rad/s.
-        wheel_rates: (..., 6) of each motor, wheel against its link, forward positive, rad/s.
-        rocker_rate, bogie_rates: (...) and (..., 2) rad/s. Not given, those that keep the wheels on the ground.
-        steering_rates: (..., 6) rad/s; not given, the wheels hold their steering.
-        steering: (..., 6) rad; default the pose's own.
+        wheel_rates: (..., 6) of each motor, wheel relative to its link, forward positive, rad/s.
+        rocker_rate, bogie_rates: (...) and (..., 2) rad/s. Default: those that keep the wheels on the terrain.
+        steering_rates: (..., 6) rad/s; default 0.
+        steering: (..., 6) rad; default: the pose's own.
+
+    Returns:
+        Slip, with batch axes from broadcasting all arguments; NaN for poses or readings that are NaN.
 
     Raises:
-        RockerbogieError: a shape that does not fit, or a reading that is infinite.
+        RockerbogieError: a pose of another rover, a shape that does not fit, or a reading that is infinite.
     """
     rows = contact_rows(rover, pose, steering)
     u, spin = reading("twist", twist, 6), reading("wheel_rates", wheel_rates, 6)
@@ -65,7 +68,7 @@ def wheel_slip(
     motion = motion + rows[..., 9] * turned[..., None]
     r = rover.wheel_radius
     roll = motion[..., 0] - r * spin
-    drive = r * (spin + motion[..., 4])  # what the rim lays down: the wheel's turn against the ground, not its link
+    drive = r * (spin + motion[..., 4])  # speed of the rim: the wheel's rate relative to the terrain, not to its link
     along = drive + roll
     return Slip(
         roll,
@@ -78,11 +81,14 @@ def wheel_slip(
 
 
 def slip_ratio(drive: ArrayLike, travel: ArrayLike) -> Array:
-    """(rω − v) / rω for a wheel that drives, (rω − v) / v for one that is dragged: 1 spins on the spot, −1 is locked.
+    """Return the slip ratio: (rω − v) / rω for a driving wheel, (rω − v) / v for a dragged one.
 
     Args:
-        drive: (...) rω, the wheel's turn against the ground times its radius, m/s.
-        travel: (...) v of its hub along the wheel's way, m/s. Both at rest give nan.
+        drive: (...) rω, the wheel's rate relative to the terrain times its radius, m/s.
+        travel: (...) v of its hub along the rolling direction, m/s.
+
+    Returns:
+        (...) from −1 (locked wheel) to 1 (spinning on the spot); NaN if both speeds are 0.
     """
     d, v = np.broadcast_arrays(np.asarray(drive, dtype=float), np.asarray(travel, dtype=float))
     base = np.where((np.abs(d) >= np.abs(v)) | (d * v < 0), d, v)

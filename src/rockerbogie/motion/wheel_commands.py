@@ -1,4 +1,4 @@
-"""Actuation kinematics: wheel rates and steering for a wanted motion, as the ground asks for."""
+"""Actuation kinematics: wheel rates and steering angles for a wanted twist on the terrain."""
 
 from __future__ import annotations
 
@@ -6,34 +6,33 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..arrays import Array
 from ..errors import RockerbogieError
 from ..rover.model import Rover
-from .jacobian import ContactState, contact_rows
+from .jacobian import ContactState, batch_shape, contact_rows, reading, solve_each
 
 if TYPE_CHECKING:
     import xarray as xr
 
-Array = NDArray[np.float64]
-
-ITERATIONS = 12  # of the steering; each leaves a tenth of the error or less
-EDGE = 1e-6  # share of a step within which commands go over from one rate to the next
+ITERATIONS = 12  # of the steering; each reduces the error to a tenth or less
+EDGE = 1e-6  # share of a step over which commands change from one rate to the next
 
 
 @dataclass(frozen=True, eq=False)
 class Commands:
-    """What to send to the motors, what motion it makes, and what of the wanted one was given up."""
+    """Commands to the motors, the motion they make, and the part of the wanted motion that is given up."""
 
     wheel_rates: Array  # (..., 6) of each motor, forward positive, rad/s
     steering: Array  # (..., 6) rad
-    twist: Array  # (..., 6) of the body, as the ground lets it move, m/s and rad/s
+    twist: Array  # (..., 6) of the body, as the terrain constrains it, m/s and rad/s
     rocker_rate: Array  # (...) rad/s
     bogie_rates: Array  # (..., 2) rad/s
-    speed_scale: Array  # (...) share of the wanted speed that the wheel rate's limit left, 0 to 1
-    steering_short: Array  # (..., 6) wanted less commanded steering, rad
-    side_slip: Array  # (..., 6) slip across the wheel's way that remains, m/s
-    turn_slip: Array  # (..., 6) and about the upright of its plane, which no wheel escapes in a turn, rad/s
+    speed_scale: Array  # (...) share of the wanted speed that the wheel rate limit allows, 0 to 1
+    steering_short: Array  # (..., 6) wanted minus commanded steering, rad
+    side_slip: Array  # (..., 6) remaining slip across the rolling direction, m/s
+    turn_slip: Array  # (..., 6) turn slip about z of the contact frame, which no wheel avoids in a turn, rad/s
 
 
 def wheel_commands(
@@ -44,34 +43,44 @@ def wheel_commands(
     steering: ArrayLike | None = None,
     steering_limit: ArrayLike = np.pi / 2,
     wheel_rate_limit: float = np.inf,
+    near: ArrayLike | None = None,
 ) -> Commands:
-    """Wheel rates and steering that move the body at a wanted twist with no rolling slip and the least side slip.
+    """Compute wheel rates and steering for a wanted twist, with no roll slip and the least side slip.
 
-    Of the twist, vx, vy and ωz are wanted; vz, ωx, ωy and the joints' rates follow from the ground, so that no wheel
-    leaves it. Each wheel then turns as fast as its own way over the ground asks: over a bump, unequally.
+    Of the twist, vx, vy and ωz are used; vz, ωx, ωy and the joint rates follow from the terrain, so that no wheel leaves it.
+    Each wheel rate is that of its own contact: over a bump, the six differ.
+
+    A wheel can roll forward or backward, so two steering angles half a turn apart serve. Without `near`, the one within a
+    quarter turn of straight ahead is commanded; when the direction of travel passes 90 deg, it changes by half a turn. With
+    `near`, the one nearest to the present angle is commanded if it is within `steering_limit`, else the other one.
 
     Args:
+        rover: the pose's rover.
         pose: joint and contact angles, as for `wheel_jacobians`.
-        twist: (..., 6) in the body frame, m/s and rad/s: `straight`, `arc`, `crab`, `turn_in_place`, or one's own.
-        steering: (..., 6) set angles, rad. Not given, every wheel that steers is turned along its way.
-        steering_limit: the largest angle either way, a number or (6,), rad.
-        wheel_rate_limit: the fastest a motor turns, rad/s. All slow down together, so the way stays the same.
+        twist: (..., 6) in the body frame, m/s and rad/s: from `straight`, `arc`, `crab`, `turn_in_place`, or any other.
+        steering: (..., 6) fixed steering angles, rad. Default: each wheel that steers is turned to its rolling direction.
+        steering_limit: largest angle to either side, a number or (6,), rad. Give more than π/2 for wheels that can turn further.
+        wheel_rate_limit: largest motor rate, rad/s. All rates are reduced together, so the path does not change.
+        near: (..., 6) present steering angles, rad.
+
+    Returns:
+        Commands, with batch axes from broadcasting pose, twist and steering. A pose that is NaN gives NaN rates and, if
+        `steering` is not given, angles of 0 (with `near`: the present ones).
 
     Raises:
-        RockerbogieError: a shape that does not fit, or a limit that is not above 0.
+        RockerbogieError: a pose of another rover, a shape that does not fit, or a limit that is not above 0.
     """
-    wanted = np.asarray(twist, dtype=float)
-    if wanted.shape[-1:] != (6,):
-        raise RockerbogieError(f"twist has shape {wanted.shape}; its last axis must be 6: vx, vy, vz, wx, wy, wz")
+    wanted = reading("twist", twist, 6)
     if not wheel_rate_limit > 0 or not (np.asarray(steering_limit) > 0).all():
         raise RockerbogieError(f"limits are {wheel_rate_limit} rad/s and {steering_limit!r} rad; give numbers above 0")
+    batch_shape(pose=np.shape(pose.rocker), twist=wanted.shape[:-1])
     if steering is None:
-        free = _steer(rover, pose, wanted)
+        free = _steer(rover, pose, wanted, near, np.asarray(steering_limit, dtype=float))
         turn = np.clip(free, -np.asarray(steering_limit), steering_limit)
     else:
         turn = free = np.asarray(steering, dtype=float)
     rows = contact_rows(rover, pose, turn)
-    motion = _on_the_ground(rows, wanted)
+    motion = _on_terrain(rows, wanted)
     slip = np.einsum("...ijk,...k->...ij", rows[..., :9], motion)
     rates = slip[..., 0] / rover.wheel_radius
     fastest = np.abs(rates).max(axis=-1)
@@ -84,18 +93,19 @@ def wheel_commands(
 
 
 def commands_along(run: xr.Dataset, *, wheel_rate_limit: float = np.inf, steering_rate_limit: float = np.inf) -> xr.Dataset:
-    """Commands to send over time for a run along a path, no motor ever faster than it can: the rover slows down instead.
+    """Compute commands over time for a run along a path; the rover slows down where a motor would be too fast.
 
     Args:
         run: from `drive`: `wheel_rate` and `steering` (time, wheel).
-        wheel_rate_limit, steering_rate_limit: the fastest a wheel's and a steering motor turn, rad/s.
+        wheel_rate_limit: largest rate of a wheel motor, rad/s.
+        steering_rate_limit: largest rate of a steering motor, rad/s.
 
     Returns:
-        Dataset with `wheel_rate` and `steering` (time, wheel) for `simulate(..., commands=...)`, over a time that is stretched
-        where a limit asks for it, and `speed_scale` (time): the share of the run's own speed that is left.
+        Dataset with `wheel_rate` and `steering` (time, wheel) for `simulate(..., commands=...)`. Its time is stretched where a
+        limit requires it; `speed_scale` (time) is the share of the run's speed that is left.
 
     Raises:
-        RockerbogieError: a limit that is not above 0, or stations that did not settle: there are no commands for them.
+        RockerbogieError: a limit that is not above 0, or stations that did not settle, for which there are no commands.
     """
     import xarray as xr
 
@@ -104,14 +114,14 @@ def commands_along(run: xr.Dataset, *, wheel_rate_limit: float = np.inf, steerin
     time, rate, steering = (np.asarray(run[name], dtype=float) for name in ("time", "wheel_rate", "steering"))
     if not (np.isfinite(rate).all() and np.isfinite(steering).all()):
         k = int(np.argmin(np.isfinite(rate).all(axis=1)))
-        raise RockerbogieError(f"the run did not settle at {time[k]:g} s: no commands can be given there; take another path")
+        raise RockerbogieError(f"the run did not settle at {time[k]:g} s, so there are no commands for it; choose another path")
     dt = np.diff(time)
     turned = 0.5 * (rate[1:] + rate[:-1]) * dt[:, None]
     swung = np.abs(np.diff(steering, axis=0)).max(axis=1)
     needed = np.maximum(np.abs(turned).max(axis=1) / wheel_rate_limit, swung / steering_rate_limit)
     lasts = np.maximum(dt, needed)
     later = time[0] + np.concatenate([[0.0], np.cumsum(lasts)])
-    # each step of the run at its own steady rate, from just after its start to just before its end
+    # Each step has a constant rate, from just after its start to just before its end.
     edges = np.stack([later[:-1] + EDGE * lasts, later[1:] - EDGE * lasts], axis=-1).ravel()
     turn = np.stack([np.interp(edges, later, column) for column in steering.T], axis=-1)
     return xr.Dataset(
@@ -129,14 +139,30 @@ def commands_along(run: xr.Dataset, *, wheel_rate_limit: float = np.inf, steerin
 
 
 def straight(speed: float) -> Array:
-    """Twist (6,) straight ahead at `speed`, m/s."""
+    """Return the twist of driving straight ahead.
+
+    Args:
+        speed: m/s.
+
+    Returns:
+        (6,) m/s and rad/s.
+    """
     return np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0])
 
 
 def arc(rover: Rover, speed: float, radius: float) -> Array:
-    """Twist (6,) along an arc (Ackermann): turning centre abeam of the wheels that do not steer, `radius` m to the left.
+    """Return the twist along an arc (Ackermann). The turning centre lies abeam of the wheels that do not steer.
 
-    `speed`, m/s, is that of the body's middle line abeam of the turning centre.
+    Args:
+        rover: the mechanism.
+        speed: of the body's centre line abeam of the turning centre, m/s.
+        radius: m, left positive.
+
+    Returns:
+        (6,) m/s and rad/s.
+
+    Raises:
+        RockerbogieError: the radius is 0 or not finite.
     """
     if not (np.isfinite(radius) and radius != 0):
         raise RockerbogieError(f"radius is {radius} m; give one that is finite and not 0 (left positive), or drive straight")
@@ -145,42 +171,78 @@ def arc(rover: Rover, speed: float, radius: float) -> Array:
 
 
 def crab(speed: float, angle: float) -> Array:
-    """Twist (6,) at `speed`, m/s, without turning, `angle` rad to the left of straight ahead."""
+    """Return the twist of driving at an angle without turning.
+
+    Args:
+        speed: m/s.
+        angle: direction of travel, to the left of straight ahead, rad.
+
+    Returns:
+        (6,) m/s and rad/s.
+    """
     return np.array([speed * np.cos(angle), speed * np.sin(angle), 0.0, 0.0, 0.0, 0.0])
 
 
 def turn_in_place(rover: Rover, rate: float) -> Array:
-    """Twist (6,) turning at `rate`, rad/s, about the middle of the wheels that do not steer."""
+    """Return the twist of turning about the middle of the wheels that do not steer.
+
+    Args:
+        rover: the mechanism.
+        rate: rad/s, left positive.
+
+    Returns:
+        (6,) m/s and rad/s.
+    """
     return np.array([0.0, -rate * turning_axis(rover), 0.0, 0.0, 0.0, rate])
 
 
 def turning_axis(rover: Rover) -> float:
-    """x of the line abeam on which the rover turns with the least side slip: that of the wheels that do not steer, m."""
+    """Return x of the turning centre with the least side slip: the mean over the wheels that do not steer.
+
+    Args:
+        rover: the mechanism; if all wheels steer, its middle wheels are used.
+
+    Returns:
+        x in the body frame, m.
+    """
     fixed = ~rover.steers
     return float(rover.hubs[fixed if fixed.any() else slice(2, 4), 0].mean())
 
 
-def _on_the_ground(rows: Array, wanted: Array) -> Array:
-    """Motion (..., 9) with the wanted vx, vy, ωz and no lift at any wheel."""
+def _on_terrain(rows: Array, wanted: Array) -> Array:
+    """Return the motion (..., 9) with the wanted vx, vy, ωz and no lift at any wheel; NaN where there is none."""
     lift = rows[..., 2, :9]
     given, found = [0, 1, 5], [2, 3, 4, 6, 7, 8]
     right = -np.einsum("...ij,...j->...i", lift[..., given], wanted[..., given])
     motion = np.empty((*right.shape[:-1], 9))
     motion[..., given] = wanted[..., given]
-    motion[..., found] = np.linalg.solve(lift[..., found], right[..., None])[..., 0]
+    motion[..., found] = solve_each(lift[..., found], right)
     return motion
 
 
-def _steer(rover: Rover, pose: ContactState, wanted: Array) -> Array:
-    """Steering (..., 6) at which no steered wheel slips sideways; a wheel that stands still keeps straight ahead."""
-    turn = np.zeros(6)
+def _steer(rover: Rover, pose: ContactState, wanted: Array, near: ArrayLike | None, limit: Array) -> Array:
+    """Return the steering (..., 6) at which no steered wheel slips sideways; a wheel at rest keeps its angle.
+
+    With `near`, a wheel whose nearest angle is beyond `limit` gets the angle half a turn from it, if that is within the limit.
+    """
+    if near is None:
+        return _turn_to_rolling(rover, pose, wanted, np.zeros(6))
+    present = np.where(rover.steers, reading("near", near, 6), 0.0)
+    turn = _turn_to_rolling(rover, pose, wanted, present)
+    other = turn - np.copysign(np.pi, turn)
+    flip = (np.abs(turn) > limit) & (np.abs(other) <= limit)
+    return _turn_to_rolling(rover, pose, wanted, np.where(flip, other, turn)) if flip.any() else turn
+
+
+def _turn_to_rolling(rover: Rover, pose: ContactState, wanted: Array, turn: Array) -> Array:
+    """Return the steering (..., 6) without side slip that is nearest to the starting angles `turn` (..., 6)."""
     for _ in range(ITERATIONS):
         rows = contact_rows(rover, pose, turn)
-        going = np.einsum("...ijk,...k->...ij", rows[..., :2, :9], _on_the_ground(rows, wanted))
-        still = np.hypot(going[..., 0], going[..., 1]) < 1e-12
-        ahead = np.where(going[..., 0] < 0, -1.0, 1.0)  # rolling backwards does as well as turning about
+        going = np.einsum("...ijk,...k->...ij", rows[..., :2, :9], _on_terrain(rows, wanted))
+        still = ~(np.hypot(going[..., 0], going[..., 1]) >= 1e-12)  # NaN too: such a pose keeps its angles
+        ahead = np.where(going[..., 0] < 0, -1.0, 1.0)  # a wheel rolls backward as well as forward
         change = np.where(rover.steers & ~still, np.arctan2(ahead * going[..., 1], ahead * going[..., 0]), 0.0)
         turn = turn + change
-        if np.nanmax(np.abs(change), initial=0.0) < 1e-13:
+        if np.abs(change).max(initial=0.0) < 1e-13:
             break
-    return np.where(np.isfinite(turn), turn, 0.0)
+    return turn
