@@ -1,7 +1,6 @@
-"""How a six-wheeled rocker-bogie rover sits, tilts, rolls and slips on a piece of ground.
+"""Kinematics of six-wheeled rocker-bogie rovers on terrain: pose, motion, slip, odometry, maps.
 
-Everything public is here: `import rockerbogie as rb`. A name loads its module when it is first used, so that the
-import itself costs next to nothing.
+All public names are here: `import rockerbogie as rb`. Each name loads its module at first use, so that the import itself is fast.
 """
 
 from __future__ import annotations
@@ -29,18 +28,31 @@ if TYPE_CHECKING:
     from .maps.limits import Limits as Limits
     from .maps.plan import plan as plan
     from .maps.traversability import traversability as traversability
+    from .motion.body_twist import Motion as Motion
     from .motion.body_twist import Noise as Noise
     from .motion.body_twist import SensorNoise as SensorNoise
     from .motion.body_twist import body_twist as body_twist
+    from .motion.drive import ackermann as ackermann
     from .motion.drive import drive as drive
+    from .motion.drive import to_csv as to_csv
     from .motion.jacobian import JACOBIAN_COLUMNS as JACOBIAN_COLUMNS
+    from .motion.jacobian import ContactState as ContactState
     from .motion.jacobian import SimpleStance as SimpleStance
     from .motion.jacobian import system_jacobian as system_jacobian
     from .motion.jacobian import wheel_jacobians as wheel_jacobians
     from .motion.path import Path as Path
+    from .motion.path import PathSample as PathSample
     from .motion.path_files import Plan as Plan
     from .motion.path_files import Route as Route
+    from .motion.path_files import read_route as read_route
+    from .motion.slip import Slip as Slip
     from .motion.slip import wheel_slip as wheel_slip
+    from .motion.wheel_commands import Commands as Commands
+    from .motion.wheel_commands import arc as arc
+    from .motion.wheel_commands import commands_along as commands_along
+    from .motion.wheel_commands import crab as crab
+    from .motion.wheel_commands import straight as straight
+    from .motion.wheel_commands import turn_in_place as turn_in_place
     from .motion.wheel_commands import wheel_commands as wheel_commands
     from .rotations import body_transform as body_transform
     from .rover.differential import DifferentialBar as DifferentialBar
@@ -51,16 +63,20 @@ if TYPE_CHECKING:
     from .rover.formats import to_sdf as to_sdf
     from .rover.formats import to_toml as to_toml
     from .rover.formats import to_urdf as to_urdf
+    from .rover.frames import DHRow as DHRow
     from .rover.frames import contact_frames as contact_frames
     from .rover.frames import dh_table as dh_table
     from .rover.frames import wheel_frames as wheel_frames
     from .rover.model import Link as Link
     from .rover.model import Rover as Rover
+    from .settling.pose import Contacts as Contacts
     from .settling.pose import Pose as Pose
     from .settling.settle import settle as settle
     from .settling.status import Status as Status
     from .settling.verification import Verification as Verification
     from .settling.verification import verify as verify
+    from .simulation.compare import Channel as Channel
+    from .simulation.compare import Comparison as Comparison
     from .simulation.compare import compare as compare
     from .simulation.compare import settle_along as settle_along
     from .simulation.mjcf import to_mjcf as to_mjcf
@@ -68,7 +84,7 @@ if TYPE_CHECKING:
     from .terrain import surfaces as surfaces
     from .terrain.heightfield import Terrain as Terrain
 
-#: Public name -> the module that holds it.
+#: Public name -> module.
 _EXPORTS = {
     "RockerbogieError": "errors",
     "RoverError": "errors",
@@ -89,23 +105,37 @@ _EXPORTS = {
     "contact_frames": "rover.frames",
     "body_transform": "rotations",
     "dh_table": "rover.frames",
+    "DHRow": "rover.frames",
     "Terrain": "terrain.heightfield",
     "surfaces": "terrain",
     "Path": "motion.path",
+    "PathSample": "motion.path",
     "settle": "settling.settle",
     "Pose": "settling.pose",
+    "Contacts": "settling.pose",
     "verify": "settling.verification",
     "Verification": "settling.verification",
     "wheel_jacobians": "motion.jacobian",
     "JACOBIAN_COLUMNS": "motion.jacobian",
     "system_jacobian": "motion.jacobian",
     "SimpleStance": "motion.jacobian",
+    "ContactState": "motion.jacobian",
     "body_twist": "motion.body_twist",
+    "Motion": "motion.body_twist",
     "SensorNoise": "motion.body_twist",
     "Noise": "motion.body_twist",
     "wheel_commands": "motion.wheel_commands",
+    "Commands": "motion.wheel_commands",
+    "straight": "motion.wheel_commands",
+    "arc": "motion.wheel_commands",
+    "crab": "motion.wheel_commands",
+    "turn_in_place": "motion.wheel_commands",
+    "commands_along": "motion.wheel_commands",
     "wheel_slip": "motion.slip",
+    "Slip": "motion.slip",
     "drive": "motion.drive",
+    "ackermann": "motion.drive",
+    "to_csv": "motion.drive",
     "odometry": "logs.odometry",
     "flat_odometry": "logs.odometry",
     "SlopeSlip": "logs.odometry",
@@ -115,6 +145,8 @@ _EXPORTS = {
     "simulate": "simulation.simulate",
     "settle_along": "simulation.compare",
     "compare": "simulation.compare",
+    "Comparison": "simulation.compare",
+    "Channel": "simulation.compare",
     "validate": "logs.validate",
     "read_places": "logs.attitude_log",
     "LogMap": "logs.attitude_log",
@@ -125,6 +157,7 @@ _EXPORTS = {
     "plan": "maps.plan",
     "Route": "motion.path_files",
     "Plan": "motion.path_files",
+    "read_route": "motion.path_files",
 }
 
 __all__ = ["__version__", *_EXPORTS]  # noqa: PLE0604
