@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 import rockerbogie as rb
-from rockerbogie.rover.formats import build_rover, read_tree, to_sdf, to_toml, to_urdf
+from rockerbogie.rover.formats import build_rover, read_trees, to_sdf, to_toml, to_urdf
 from rockerbogie.rover.formats.toml_read import read_toml
 
 #: Numbers that have broken readers before.
@@ -162,7 +162,7 @@ def read(name: str, text: str) -> rb.Rover:
     """The rover of a file's text."""
     if name.endswith(".toml"):
         return read_toml(text, name)
-    return build_rover(read_tree(text.encode("utf-8", "surrogatepass"), name), name).rover
+    return build_rover(read_trees(text.encode("utf-8", "surrogatepass"), name), name).rover
 
 
 def check(rover: rb.Rover) -> None:

@@ -1,4 +1,4 @@
-"""Robot descriptions of other people's kinds: found by structure, mended, reported, overruled; and the ones to be refused."""
+"""Import of robot files in the styles of others: found by structure, repaired, reported, overridden; and refusals."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import rockerbogie as rb
-from rockerbogie.rover.formats import Import, build_rover, import_rover, load_rover, read_tree, to_sdf, to_urdf
+from rockerbogie.rover.formats import Import, build_rover, import_rover, load_rover, read_trees, to_sdf, to_urdf
 from support import foreign
 from support.helpers import assert_close
 
 
-def take(text: str, **overrule: object) -> Import:
-    return build_rover(read_tree(text, "test.urdf"), "test.urdf", **overrule)  # type: ignore[arg-type]
+def take(text: str, **override: object) -> Import:
+    return build_rover(read_trees(text, "test.urdf"), "test.urdf", **override)  # type: ignore[arg-type]
 
 
 def said(lines: tuple[str, ...], *words: str) -> bool:
@@ -77,7 +77,7 @@ def test_upside_down_and_weightless() -> None:
     assert said(got.guessed, "mass: the file has none")
     assert_sits_level(got.rover, 1e-6)
     heavy = take(foreign.upside_down_and_weightless(truth), mass=1025.0, wheel_width=0.331)
-    assert_close(heavy.rover.mass, 1025.0, 1e-9, "kg", "overruled")
+    assert_close(heavy.rover.mass, 1025.0, 1e-9, "kg", "overridden")
     assert_geometry(heavy.rover, truth, 1e-9)
 
 
@@ -87,7 +87,7 @@ def test_bars_closed_elsewhere() -> None:
     assert_geometry(got.rover, truth, 1e-9)
     assert_close(got.rover.body_box, truth.body_box, 1e-12, "m", "the body's colliding box; the brace's is not the body's")
     assert_close(got.rover.bogie_limits, truth.bogie_limits, 1e-12, "rad", "from the file")
-    assert said(got.repaired, "continuous", "limits it is given besides do not count")
+    assert said(got.repaired, "continuous", "limits it also gives do not count")
     assert said(got.repaired, "<gazebo>")
     assert_close(got.rover.mass, 4.61, 1e-9, "kg", "every link once")
     assert_close(
@@ -99,7 +99,7 @@ def test_bars_closed_elsewhere() -> None:
 def test_drawn_in_cad() -> None:
     truth = rb.load_rover("rocky7")
     bare = take(foreign.drawn_in_cad(truth))
-    assert said(bare.guessed, "0.12 of its wheelbase", "meshes are not read", "give wheel_radius=")
+    assert said(bare.guessed, "0.12 of its wheelbase", "no shape in the file gives", "give wheel_radius=")
     assert_close(bare.rover.wheel_radius, 0.12 * truth.wheelbase, 1e-9, "m", "nothing in the file says more")
     assert_geometry(bare.rover, truth, 1e-9, but=("wheel_radius", "wheel_width"))
     assert_sits_level(bare.rover, 1e-6)
@@ -108,7 +108,7 @@ def test_drawn_in_cad() -> None:
     assert_close(got.rover.rocker_limits, (-0.1, 0.0), 1e-12, "rad", "left -1 to 0, right -0.1 to 0.1: what both allow")
     assert_close(got.rover.bogie_limits, (-0.3, 0.4), 1e-12, "rad", "about -y in the file, so turned over")
     assert said(got.guessed, "forward is y", "forward='-y' turns it round")
-    assert said(got.repaired, "an inertia no body can have", "wheel_6")
+    assert said(got.repaired, "an inertia that no body can have", "wheel_6")
     turned = take(foreign.drawn_in_cad(truth), wheel_radius=0.065, forward="-y")
     assert_close(
         turned.rover.hubs[0], truth.hubs[1] * (-1, -1, 1), 1e-9, "m", "turned round, the right front wheel is the left rear one"
@@ -197,7 +197,7 @@ def test_a_locked_joint_stands_where_it_is_locked() -> None:
     assert_close(body.com, expected, 1e-12, "m", "the mast lies backwards")
 
 
-def test_overruling_who_is_who() -> None:
+def test_roles_can_be_overridden() -> None:
     """A file whose search would go elsewhere: the wheels' joints named outright, in any order."""
     truth = rb.load_rover("curiosity")
     text = to_urdf(truth)
@@ -276,11 +276,11 @@ def test_one_number_in_millimetres_is_caught() -> None:
 def test_load_rover_warns_of_guesses(tmp_path: Path) -> None:
     file = tmp_path / "maker.urdf"
     file.write_text(foreign.bars_closed_elsewhere(rb.load_rover("sawppy")))
-    with pytest.warns(UserWarning, match=r"maker\.urdf: 0 things guessed, \d+ mended"):
+    with pytest.warns(UserWarning, match=r"maker\.urdf: \d+ repaired(.|\n)*repaired: nothing ties the two rockers"):
         assert load_rover(file).name == "maker_rover"
     report = str(import_rover(file))
     assert "found: wheels drive_0_joint" in report
-    assert "mended: nothing ties the two rockers" in report
+    assert "repaired: nothing ties the two rockers" in report
 
 
 REFUSED = {
@@ -308,7 +308,7 @@ REFUSED = {
         "<robot name='a'><link name='b'/><link name='c'/><link name='d'/>"
         "<joint name='j' type='fixed'><parent link='b'/><child link='c'/></joint>"
         "<joint name='k' type='fixed'><parent link='d'/><child link='c'/></joint></robot>",
-        "hangs on two joints, 'j' and 'k'",
+        "at most 0 of its outermost hinges lie parallel",
     ),
     "a link that is not there": (
         "<robot name='a'><link name='b'/><joint name='j' type='fixed'><parent link='b'/><child link='c'/></joint></robot>",
@@ -335,7 +335,7 @@ def test_huge_files_are_not_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
-        ('type="continuous"', 'type="wheel"', "is of type 'wheel'; URDF knows fixed, revolute"),
+        ('type="continuous"', 'type="wheel"', "is of type 'wheel'; URDF has fixed, revolute"),
         ('<axis xyz="0.0 1.0 0.0" />', '<axis xyz="0 0 0" />', "has an axis of no length"),
         ('<mass value="539.4"', '<mass value="-1"', "has a mass of -1 kg; give 0 or more"),
         ('<mass value="539.4"', '<mass value="heavy"', "mass is 'heavy'; it takes 1 finite number"),

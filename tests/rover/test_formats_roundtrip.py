@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import rockerbogie as rb
-from rockerbogie.rover.formats import build_rover, presets, read_tree, schema, to_sdf, to_toml, to_urdf
+from rockerbogie.rover.formats import build_rover, presets, read_trees, schema, to_sdf, to_toml, to_urdf
 from rockerbogie.rover.formats.toml_read import read_toml
 from support.helpers import assert_close, random_rover
 
@@ -29,7 +29,7 @@ ANGLES = ("rocker_limits", "bogie_limits", "differential")
 
 
 def read(text: str) -> rb.Rover:
-    return build_rover(read_tree(text, "test"), "test").rover if text.lstrip().startswith("<") else read_toml(text)
+    return build_rover(read_trees(text, "test"), "test").rover if text.lstrip().startswith("<") else read_toml(text)
 
 
 def assert_same(a: rb.Rover, b: rb.Rover, why: str) -> None:

@@ -14,7 +14,7 @@ from ..errors import RockerbogieError
 from ..outputs import SOURCE, check_outputs
 from ..rotations import body_transform, quaternion_angles
 from ..rover.formats import to_urdf
-from ..rover.formats.tree import tree_of
+from ..rover.formats.export_tree import tree_of
 from ..rover.model import Rover
 
 if TYPE_CHECKING:

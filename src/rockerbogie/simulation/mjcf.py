@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import TerrainError, expect
 from ..rover.differential import quartic
-from ..rover.formats.mjcf import exact_text
+from ..rover.formats.mjcf_write import exact_text
 from ..rover.frames import ON_BOGIE, WHEEL_SIDE
 from ..rover.model import LOAD_ROVER, Link, Rover
 from ..settling.settle import settle

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from .import_build import Import, ImportResult, build_rover
-from .load import import_rover, load_rover, presets, read_details, read_tree
-from .sdf import to_sdf
+from .load import import_rover, load_rover, presets, read_details, read_trees
+from .sdf_write import to_sdf
 from .toml_write import schema, to_toml
-from .urdf import to_urdf
+from .urdf_write import to_urdf
 
 __all__ = [
     "Import",
@@ -16,7 +16,7 @@ __all__ = [
     "load_rover",
     "presets",
     "read_details",
-    "read_tree",
+    "read_trees",
     "schema",
     "to_sdf",
     "to_toml",

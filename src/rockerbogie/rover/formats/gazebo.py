@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...errors import RoverError
 from ..model import Rover
-from .sdf import VERSION, model_element
+from .sdf_write import VERSION, model_element
 
 Array = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""Rovers in and out of files: presets by name, TOML of our own, and the robot formats."""
+"""Rovers by preset name, from TOML files, and from robot files."""
 
 from __future__ import annotations
 
@@ -13,24 +13,34 @@ from typing import Any
 from ...errors import RoverError, unknown_name
 from ..model import Rover
 from .import_build import ImportResult, build_rover
-from .mjcf import read_mjcf
+from .meshes import MeshFolder
+from .mjcf_read import read_mjcf
 from .safe_xml import MAX_BYTES, parse_xml
-from .sdf import read_sdf
+from .sdf_read import read_sdf
 from .toml_read import read_toml
 from .tree import Tree
-from .urdf import read_urdf
+from .urdf_read import read_urdf
 
-__all__ = ["import_rover", "load_rover", "presets", "read_details", "read_tree"]
+__all__ = ["import_rover", "load_rover", "presets", "read_details", "read_trees"]
+
+READERS = {"robot": read_urdf, "sdf": read_sdf, "mujoco": read_mjcf}
+#: The first bytes of files that hold robots and are not XML, and what they are.
+NOT_XML = {b"PXR-USDC": "USD", b"#usda": "USD", b"PK\x03\x04": "a zip archive (USDZ?)"}
+USD = (".usd", ".usda", ".usdc", ".usdz")
 
 
 def presets() -> dict[str, Path]:
-    """The rovers that come with the package: name to the folder that holds its `rover.toml` and `README.md`."""
+    """Return the rovers of the package: name to the folder that holds `rover.toml` and `README.md`."""
     root = Path(str(files("rockerbogie.rover").joinpath("presets")))
     return {folder.name: folder for folder in sorted(root.iterdir()) if (folder / "rover.toml").is_file()}
 
 
 def read_details(name_or_path: str | Path) -> dict[str, str]:
-    """What a TOML rover's file says of it in words: its `title` and `grade`; nothing for other files."""
+    """Return the `title` and `grade` in a rover's TOML file; nothing for other files.
+
+    Args:
+        name_or_path: a preset's name or a file.
+    """
     path = presets().get(str(name_or_path), Path(name_or_path))
     path = path / "rover.toml" if path.is_dir() else path
     if path.suffix.lower() != ".toml":
@@ -40,13 +50,16 @@ def read_details(name_or_path: str | Path) -> dict[str, str]:
 
 
 def load_rover(name_or_path: str | Path) -> Rover:
-    """A rover by the name of a preset, or from a file: `.toml`, or a robot description (`.urdf`, `.sdf`, `.xml` MJCF).
+    """Return a rover by the name of a preset, or from a file: `.toml`, `.urdf`, `.sdf` or `.xml` (MJCF).
 
-    Where a robot description had to be guessed at or mended, a warning says so; `import_rover` tells what, and lets you
-    overrule it.
+    If anything in a robot file was guessed or repaired, or looks wrong, a warning lists it, with what was dropped;
+    `import_rover` returns the whole report and takes corrections.
+
+    Args:
+        name_or_path: a preset's name or a file.
 
     Raises:
-        RoverError: no such preset or file, or a file that does not describe a rover that can be.
+        RoverError: no such preset or file, or a file that does not describe a possible rover.
     """
     known = presets()
     if not isinstance(name_or_path, str | os.PathLike):
@@ -60,11 +73,11 @@ def load_rover(name_or_path: str | Path) -> Rover:
     if path.suffix.lower() == ".toml":
         return read_toml(_decoded(_read(path), path.name), name=path.stem)
     result = import_rover(path)
-    if result.guessed or result.repaired:
-        warnings.warn(
-            f"{path.name}: {len(result.guessed)} things guessed, {len(result.repaired)} mended; import_rover says which",
-            stacklevel=2,
-        )
+    counts = {label: getattr(result, label) for label in ("guessed", "repaired", "dropped", "warnings")}
+    if result.guessed or result.repaired or result.warnings:
+        numbers = ", ".join(f"{len(lines)} {label}" for label, lines in counts.items() if lines)
+        lines = [f"  {label.removesuffix('s')}: {line}" for label in counts for line in counts[label]]
+        warnings.warn("\n".join([f"{path.name}: {numbers}", *lines]), stacklevel=2)
     return result.rover
 
 
@@ -75,43 +88,63 @@ def import_rover(
     forward: str | None = None,
     up: str | None = None,
     joints: dict[str, Sequence[str]] | None = None,
-    **overrule: Any,
+    **override: Any,
 ) -> ImportResult:
-    """A rover from a robot description, found by structure: which hinge carries what, not how it is called.
+    """Return a rover from a robot file, found by structure (which hinge carries what) and not by names.
+
+    The rover's frame has its origin at the origin of the body's link. Meshes are read from files beside the robot file.
 
     Args:
         path: a URDF (expanded, if from xacro), SDF or MJCF file.
         scale: metres in the file's unit of length: 0.001 for millimetres.
-        forward, up: the rover's directions as axes of the file's root frame ("x", "-y", ...), where they are taken wrong.
-        joints: names of the joints that are "wheels" (6), "bogies" (2) or "rockers" (2; fixed ones may be named), or all
-            that steer ("steering"), where the search goes wrong.
-        overrule: any argument of `Rover.from_pivots`, in metres and radians in the rover's own frame, to be used in
-            place of what the file says.
+        forward, up: the rover's directions as axes of the file's root frame ("x", "-y", ...), if they are found wrong.
+        joints: names of the joints that are "wheels" (6), "bogies" (2) or "rockers" (2), or all that steer ("steering"), if the
+            search goes wrong. Fixed joints may be named.
+        override: any argument of `Rover.from_pivots`, in metres and radians in the rover's own frame, to be used in
+            place of the file's.
 
     Returns:
-        The rover, with what was found, guessed and mended, line by line.
+        The rover, with the report of what was found, guessed, repaired and dropped, and warnings.
 
     Raises:
-        RoverError: a file that is refused, holds no rocker-bogie, or describes one that cannot be.
+        RoverError: a file that is refused, holds no rocker-bogie, or describes an impossible one.
     """
     file = Path(path)
-    return build_rover(
-        read_tree(_read(file), file.name), file.name, scale=scale, forward=forward, up=up, joints=joints, **overrule
-    )
+    trees = read_trees(_read(file), file.name, MeshFolder(file.parent))
+    return build_rover(trees, file.name, scale=scale, forward=forward, up=up, joints=joints, **override)
 
 
-def read_tree(data: bytes | str, what: str) -> Tree:
-    """The kinematic tree of a robot description, by its root element."""
-    readers = {"robot": read_urdf, "sdf": read_sdf, "mujoco": read_mjcf}
+def read_trees(data: bytes | str, what: str, meshes: MeshFolder | None = None) -> list[Tree]:
+    """Return the connected trees of a robot file's text, the largest first; the format by its root element.
+
+    Args:
+        data: the text.
+        what: the file's name, for messages.
+        meshes: reader of the mesh files it refers to; None: mesh files are not read.
+
+    Raises:
+        RoverError: refused XML, another format, or a faulty description.
+    """
+    raw = data if isinstance(data, bytes) else data[:16].encode()
+    kind = next((kind for start, kind in NOT_XML.items() if raw.startswith(start)), "USD" if what.lower().endswith(USD) else "")
+    if kind:
+        raise RoverError(
+            f"{what}: it is {kind}, which is not read: export the robot as URDF, SDF or MJCF from the program it is from"
+        )
     root = parse_xml(data, what).tag
-    if root not in readers:
+    if root not in READERS:
         raise RoverError(
             f"{what}: its root element is <{root[:40]}>; URDF begins with <robot>, SDF with <sdf>, MJCF with <mujoco>"
         )
-    return readers[root](data, what)
+    return READERS[root](data, what, meshes)
 
 
 def _read(path: Path) -> bytes:
+    """Return the bytes of a file.
+
+    Raises:
+        RoverError: it cannot be read or is too large.
+    """
     try:
         size = path.stat().st_size / 1e6
         if size > MAX_BYTES / 1e6:
@@ -122,6 +155,11 @@ def _read(path: Path) -> bytes:
 
 
 def _decoded(data: bytes, what: str) -> str:
+    """Return bytes as text.
+
+    Raises:
+        RoverError: not UTF-8.
+    """
     try:
         return data.decode()
     except UnicodeDecodeError:

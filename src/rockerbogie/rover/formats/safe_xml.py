@@ -81,7 +81,7 @@ def numbers(
         values = tuple(float(w) for w in words if "_" not in w)  # float() would read 1_0 as ten
     except ValueError:
         values = ()
-    good = all(abs(v) <= LARGEST or (math.isinf(v) and not finite) for v in values)
+    good = all(abs(v) <= LARGEST or (not finite and not math.isnan(v)) for v in values)
     if len(words) != count or len(values) != count or not good:
         raise RoverError(
             f"{where} is {text.strip()[:60]!r}; it takes {count} finite number{'s' * (count > 1)}, {LARGEST:g} at most"
