@@ -8,12 +8,10 @@ from typing import Protocol
 
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import RoverError
 from .differential import MOST_COEFFICIENTS, check_ratio
-
-Array = NDArray[np.float64]
 
 
 class LinkFields(Protocol):

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 from numpy.polynomial.polynomial import polyval
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..arrays import Array
 from ..errors import RoverError
-
-Array = NDArray[np.float64]
 
 #: Coefficients a differential may have; the packed rover has room for as many.
 MOST_COEFFICIENTS = 24

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import once, spanned
+from ..arrays import Array, once, spanned
 from ..errors import RockerbogieError, expect
 from ..rotations import rotation_y, rotation_z
 from .model import LOAD_ROVER, Rover
-
-Array = NDArray[np.float64]
 
 RUN = 4096  # steered poses checked at once, in memory that is at hand
 #: Side of each wheel: 0 left, 1 right.

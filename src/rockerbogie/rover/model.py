@@ -15,11 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._kernels.model import linkage
+from ..arrays import Array
 from ..errors import RoverError
 from .checks import check_rover
 from .differential import DifferentialBar
-
-Array = NDArray[np.float64]
 
 #: What to do where a rover was wanted and something else given.
 LOAD_ROVER = "load one with rockerbogie.load_rover(name or file), or build one with rockerbogie.Rover.from_pivots(...)"

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
-from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...errors import expect
 from ..frames import ON_BOGIE, WHEEL_SIDE
 from ..model import LOAD_ROVER, Link, Rover
 from .tree import Joint, Part, Shape, Tree, connected, from_rpy, place
-
-Array = NDArray[np.float64]
 
 SIDES = ("left", "right")
 #: A steering knuckle takes this share of its wheel's mass and inertia: simulators cannot move a link without mass.

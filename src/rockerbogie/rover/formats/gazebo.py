@@ -8,11 +8,10 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...errors import RoverError
 from ..model import Rover
 from .sdf_write import VERSION, model_element
-
-Array = NDArray[np.float64]
 
 #: More triangles than this make Gazebo's collision engine crawl: finer ground is thinned to every second, third, ... node.
 MOST_TRIANGLES = 250_000

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Array
 from .import_roles import Roles
 from .tree import Shape, Tree
-
-Array = NDArray[np.float64]
 
 #: A box shorter than this share of the wheelbase is a part of the body, not the body.
 SHORT = 0.25

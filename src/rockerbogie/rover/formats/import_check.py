@@ -5,15 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import root
 
-from ..frames import body_transform, wheel_frames
+from ...arrays import Array
+from ...rotations import body_transform
+from ..frames import wheel_frames
 from ..model import Rover
 from .import_roles import Roles
 from .tree import Tree
-
-Array = NDArray[np.float64]
 
 #: Differences between left and right above this share of the wheelbase are reported.
 SIDES = 1e-3

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
-from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...errors import RoverError
 from ..checks import possible_inertia
 from ..differential import check_ratio
@@ -19,8 +19,6 @@ from .import_roles import Hinge, Roles
 from .import_ties import compose, tie
 from .import_treads import Tread, find_tread
 from .tree import Tree
-
-Array = NDArray[np.float64]
 
 #: Wheel radius over wheelbase where a file gives neither: the presets' lie between 0.111 and 0.136.
 RADIUS_SHARE = 0.12

@@ -6,12 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...errors import RoverError
 from .tree import Joint, Tree
-
-Array = NDArray[np.float64]
 
 #: Hinges this close to the common direction of the wheels' axles are taken as parallel to it (cosine of 20 degrees).
 PARALLEL = float(np.cos(np.radians(20)))

@@ -7,14 +7,12 @@ from dataclasses import replace
 from itertools import combinations, permutations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...errors import RoverError, unknown_name
 from .import_roles import PARALLEL, ROLES, Hinge, Roles, mean_direction, rover_axes, snap
 from .import_treads import find_tread
 from .tree import Joint, Tree
-
-Array = NDArray[np.float64]
 
 #: A hinge on a wheel's arm this far from the axles' direction can steer (cosine of 60 degrees).
 ACROSS = 0.5

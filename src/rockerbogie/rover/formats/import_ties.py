@@ -5,13 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 from numpy.polynomial.polynomial import polyval
-from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...errors import RoverError
 from ..differential import MOST_COEFFICIENTS
 from .tree import Tree
-
-Array = NDArray[np.float64]
 
 #: A polynomial is inverted over this reach (rad), to this error (rad).
 REACH, INVERSE_ERROR = 0.6, 1e-9

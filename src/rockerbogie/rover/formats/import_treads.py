@@ -6,13 +6,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Array
 from .export_tree import DISC
 from .import_roles import Hinge
 from .tree import Shape, Tree
-
-Array = NDArray[np.float64]
 
 #: A cylinder this close to the axle's direction lies along it (cosine); a mesh is round if its extents agree this well.
 ALONG, ROUND = 0.9, 0.1

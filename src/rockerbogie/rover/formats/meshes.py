@@ -9,9 +9,8 @@ from pathlib import Path
 from urllib.parse import unquote
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ...arrays import Array
 
 #: Endings that are read; DAE needs pycollada.
 ENDINGS = (".stl", ".obj", ".ply", ".off", ".dae", ".glb", ".gltf")

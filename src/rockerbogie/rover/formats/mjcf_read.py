@@ -7,14 +7,12 @@ from typing import Any, Literal
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...errors import RoverError
 from .meshes import MAX_BYTES, Mesh, MeshFolder
 from .safe_xml import parse_xml
 from .tree import Joint, Part, Shape, Tree, connected, place
-
-Array = NDArray[np.float64]
 
 #: Elements that the mechanism does not need: they may read other files, or refer to elements that did.
 UNUSED = (

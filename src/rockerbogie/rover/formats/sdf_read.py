@@ -7,15 +7,13 @@ from typing import Literal
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...errors import RoverError
 from .meshes import MeshFolder
 from .safe_xml import numbers, parse_xml
 from .sdf_write import EXTENSION
 from .tree import Joint, Part, Shape, Tree, connected, from_rpy, inverse, place
-
-Array = NDArray[np.float64]
 
 #: Frames may be placed relative to one another so many deep.
 MAX_CHAIN = 100
@@ -170,24 +168,25 @@ class _Model:
             return np.eye(4)
         if name.endswith("::__model__"):
             name = name.removesuffix("::__model__")
+        if name in self.placed:
+            return self.placed[name]
         if name in seen or len(seen) > MAX_CHAIN:
             raise RoverError(
                 f"{self.what}: frame {name!r} is placed relative to itself, or by way of more than {MAX_CHAIN} others"
             )
-        if name not in self.placed:
-            frame, path = self.frames[name], (*seen, name)
-            pose = frame.element.find("pose")
-            base = "" if pose is None else self._relative_to(pose)
-            if not base and frame.kind == "joint":
-                base = (frame.element.findtext("child") or "").strip()
-            elif not base and frame.kind == "frame":
-                base = frame.element.get("attached_to") or ""
-            outer = self._scoped(base or "__model__", frame.scope, f"the pose of {name!r}")
-            T = self._place(outer, path) @ self._pose(frame.element, name)
-            placement = frame.element.get("placement_frame")
-            if frame.kind == "model" and placement:
-                T = T @ inverse(self._inside(name, placement, path))
-            self.placed[name] = T
+        frame, path = self.frames[name], (*seen, name)
+        pose = frame.element.find("pose")
+        base = "" if pose is None else self._relative_to(pose)
+        if not base and frame.kind == "joint":
+            base = (frame.element.findtext("child") or "").strip()
+        elif not base and frame.kind == "frame":
+            base = frame.element.get("attached_to") or ""
+        outer = self._scoped(base or "__model__", frame.scope, f"the pose of {name!r}")
+        T = self._place(outer, path) @ self._pose(frame.element, name)
+        placement = frame.element.get("placement_frame")
+        if frame.kind == "model" and placement:
+            T = T @ inverse(self._inside(name, placement, path))
+        self.placed[name] = T
         return self.placed[name]
 
     def _inside(self, model: str, frame: str, path: tuple[str, ...]) -> Array:

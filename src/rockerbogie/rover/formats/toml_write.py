@@ -6,12 +6,10 @@ import json
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Array
 from ..model import Rover
 from .toml_keys import KEYS, LINKS, TABLES, Key
-
-Array = NDArray[np.float64]
 
 #: Commented-out lines of a new file, to be filled in where they apply.
 EXAMPLES = {

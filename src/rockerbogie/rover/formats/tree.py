@@ -12,12 +12,11 @@ from typing import Literal
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ...arrays import Array
 from ...errors import RoverError
 from .meshes import Mesh
-
-Array = NDArray[np.float64]
 
 
 @dataclass

@@ -6,14 +6,12 @@ from typing import Literal
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Array
 from ...errors import RoverError
 from .meshes import MeshFolder
 from .safe_xml import numbers, parse_xml
 from .tree import Joint, Part, Shape, Tree, connected, from_rpy, place
-
-Array = NDArray[np.float64]
 
 KINDS: dict[str, Literal["fixed", "hinge", "other"]] = {
     "fixed": "fixed",
@@ -169,6 +167,8 @@ class _Reader:
             if length < 1e-9 and joint.kind == "hinge":
                 raise RoverError(f"{where} has an axis of no length")
             joint.axis = vector / length if length >= 1e-9 else None
+        if joint.kind == "other":
+            tree.drop(f"motion of a {kind} joint, held at rest", name)
         self._limits(element, joint, kind, where, tree)
         mimic = element.find("mimic")
         if mimic is not None:

@@ -5,13 +5,11 @@ from __future__ import annotations
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Array
 from ..model import Rover
 from .export_tree import tree_of
 from .tree import Joint, Part, Tree
-
-Array = NDArray[np.float64]
 
 #: Effort and velocity limits, which URDF requires and a rover does not state: larger than any rover's (N m, rad/s).
 EFFORT, SPEED = "1000", "10"
