@@ -107,6 +107,7 @@ def test_an_import(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rover = rb.load_rover(out)
     np.testing.assert_allclose(rover.hubs, truth.hubs, atol=1e-9)
     np.testing.assert_allclose(np.degrees(rover.bogie_limits), [-20, 20])
+    out.unlink()
     assert "no key in [wheels] named 'radius'" in refused(capsys, *words[:-4], "--set", "wheels.radius=1")
     assert "names no joints" in refused(capsys, *words, "--joint", "rockers")
 

@@ -140,7 +140,7 @@ def rockers_fixed(rover: rb.Rover) -> str:
 
 def rockers_in_two_arms(rover: rb.Rover) -> str:
     """As a well-known Mars rover for Gazebo is: turned a quarter, each rocker two arms hung on a tilted axis; mast and arm."""
-    quarter = rb.rover.frames.rotation_z(-np.pi / 2)  # the rover's forward is the file's -y, its left the file's +x
+    quarter = rotation_z(-np.pi / 2)  # the rover's forward is the file's -y, its left the file's +x
     robot = Robot("two_armed", quarter)
     robot.root("base_footprint")
     robot.joint("base_joint", "fixed", "base_footprint", "chassis", np.zeros(3), mass=700.0, shapes=MESH)
@@ -279,7 +279,7 @@ def bars_closed_elsewhere(rover: rb.Rover) -> str:
 def drawn_in_cad(rover: rb.Rover) -> str:
     """As a CAD exporter writes it: forward is +y, joints' frames lie on their sides, axes point either way, one-sided stops,
     inertias no body can have, and no sizes at all."""
-    quarter = rb.rover.frames.rotation_z(np.pi / 2)  # the rover's forward is the file's +y
+    quarter = rotation_z(np.pi / 2)  # the rover's forward is the file's +y
     robot = Robot("cad_rover", quarter)
     half = np.pi / 2
     flat = (1e-10, 2e-10, 9e-10)
