@@ -1,4 +1,4 @@
-"""`rockerbogie drive` and `rockerbogie simulate`: along a path, by the kinematic model and in MuJoCo."""
+"""Commands `rockerbogie drive` and `rockerbogie simulate`: a path, by the kinematic model and in MuJoCo."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from ..motion.path import Path
 from ..motion.path_files import read_route
 from ..rover.formats import load_rover
 from ..rover.model import Rover
+from ..settling.engines import Mode
 from ..settling.status import MEANING, Status
 from ..simulation.compare import compare, settle_along
 from ..simulation.simulate import simulate as simulate_rover
@@ -45,7 +46,7 @@ from .common import (
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Exit code where a simulated rover ends further from the path's end than this share of its length: an answer, not a wrong call.
+#: Exit code if a simulated rover ends further from the path's end than the share SHORT of its length: a result, not a wrong call.
 EXIT_NOT_THERE, SHORT = 1, 0.05
 
 Waypoints = Annotated[str | None, Parameter(name=["--path", "-p"], allow_leading_hyphen=True)]
@@ -59,42 +60,50 @@ def drive(
     radius: float = 1.0,
     speed: float = 0.02,
     step: float = 0.01,
+    mode: Mode = "contact",
+    continuous_steering: Annotated[bool, Parameter(name="--continuous-steering", negative="")] = False,
     linear: Linear = None,
     output: Folder = None,
     mcap: Annotated[bool, Parameter(name="--mcap", negative="")] = False,
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Drive a rover along a path, and show what it goes through.
+    """Drive a rover along a path quasi-statically.
 
-    Prints the extremes of the run. With -o it writes map.png (the way over the ground, coloured by tilt), profile.png (angles,
-    joints and clearance along it), worst.png (the rover where it tilts most, from near), run.nc and run.csv.
+    Prints the extremes of the run. With -o it also writes map.png (the path on the terrain, coloured by tilt), profile.png
+    (angles, joints and clearance along the path), worst.png (the rover at its largest tilt), run.nc and run.csv.
 
     Parameters
     ----------
     terrain
         A raster file (GeoTIFF and others), or surface:NAME for a built-in one: surface:paper, surface:mars, surface:rocks …
     rover
-        A preset's name, or a rover file.
+        Name of a preset, or a rover file.
     path
         Waypoints in the map's metres: "x,y x,y …"; or a CSV file with columns x, y and yaw, as `rockerbogie plan` writes.
-        Default: straight across the map's middle along +x, from rim to rim.
+        Default: straight along +x through the middle of the map, from edge to edge.
     radius
         Turning radius at the waypoints, m.
     speed
-        Along the path, m/s; it scales times and rates only.
+        Horizontal speed along the path, m/s; it scales times and rates only.
     step
-        Between stations, m.
+        Horizontal distance between stations, m.
+    mode
+        contact: all six wheels in contact, joint limits not enforced. equilibrium: balance under the rover's weight; wheels may
+        be off the ground, joints at their limits.
+    continuous_steering
+        Keep each wheel within a quarter turn of its angle at the station before, without jumps of half a turn; angles may
+        then exceed 90 degrees.
     linear
-        Bilinear ground between the nodes, or a smooth cubic surface. Default: cubic for files.
+        Bilinear or smooth cubic terrain between the nodes. Default: cubic for files.
     output
         Folder for pictures and data.
     mcap
-        Write run.mcap too, into the folder of -o: ROS 2 messages for Foxglove and `ros2 bag`. Needs the ros extra.
+        Also write run.mcap into the folder of -o: ROS 2 messages for Foxglove and `ros2 bag`. Needs the ros extra.
     force
         Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
-        Print the summary as JSON (SI units, radians) in place of the table.
+        Print the summary as JSON (SI units, radians) instead of the table.
     """
     written = in_folder(output, *_files("run"), *(("run.mcap",) if mcap else ()))
     if mcap and output is None:
@@ -105,7 +114,8 @@ def drive(
     way = _path(path, radius, machine, ground)
     with progress() as bar:
         task = bar.add_task("driving", total=None)
-        run = _on_the_map(drive_rover(machine, ground, way, speed, step=step), ground)
+        near = np.zeros(6) if continuous_steering else None
+        run = _on_map(drive_rover(machine, ground, way, speed, step=step, mode=mode, near=near), ground)
         bar.update(task, description="drawing")
         files = _write_run(machine, ground, run, output, "run")
         if mcap and output is not None:
@@ -135,42 +145,42 @@ def simulate(
     force: Force = False,
     json: Json = False,
 ) -> int:
-    """The same drive in MuJoCo's rigid-body dynamics, compared with ours.
+    """Simulate the same drive in MuJoCo's rigid-body dynamics, and compare.
 
-    Six driven wheels, gravity and friction on the same ground. Prints how far the kinematic model is from it at equal place
-    and heading. With -o it writes attitude.png and joints.png (both side by side), map.png, profile.png, worst.png,
-    simulation.nc and simulation.csv. Exits 1 where the rover does not come to the path's end.
+    Six driven wheels, gravity and friction on the same terrain. Prints the difference of the kinematic model at equal position
+    and yaw. With -o it also writes attitude.png and joints.png (model and simulation), map.png, profile.png, worst.png,
+    simulation.nc and simulation.csv. Exits 1 if the rover does not reach the end of the path.
 
     Parameters
     ----------
     terrain
         A raster file (GeoTIFF and others), or surface:NAME for a built-in one: surface:paper, surface:mars, surface:rocks …
     rover
-        A preset's name, or a rover file.
+        Name of a preset, or a rover file.
     path
         Waypoints in the map's metres: "x,y x,y …"; or a CSV file with columns x, y and yaw, as `rockerbogie plan` writes.
-        Default: straight across the map's middle along +x, from rim to rim.
+        Default: straight along +x through the middle of the map, from edge to edge.
     radius
         Turning radius at the waypoints, m.
     speed
-        Along the path, m/s. The simulation takes as long as the drive has steps: go faster for long ways.
+        Speed along the path, m/s. The simulation takes as long as the drive has steps: use a higher speed for long paths.
     friction
-        Coefficient of sliding friction between wheels and ground.
+        Coefficient of sliding friction between wheels and terrain.
     linear
-        Bilinear ground between the nodes, or a smooth cubic surface. Default: cubic for files.
+        Bilinear or smooth cubic terrain between the nodes. Default: cubic for files.
     output
         Folder for pictures and data.
     force
         Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
-        Print the comparison as JSON (SI units, radians) in place of the table.
+        Print the comparison as JSON (SI units, radians) instead of the table.
     """
     written = in_folder(output, *_files("simulation"), "attitude.png", "joints.png")
     guard_outputs(written, terrain, rover, path, force=force)
     machine = load_rover(rover)
     ground = load_terrain(terrain, linear)
     way = _path(path, radius, machine, ground)
-    run = _on_the_map(drive_rover(machine, ground, way, speed), ground)
+    run = _on_map(drive_rover(machine, ground, way, speed), ground)
     with progress() as bar:
         task = bar.add_task("simulating", total=1.0)
         sim = simulate_rover(
@@ -197,14 +207,17 @@ def simulate(
         return 0
     print(
         f"rockerbogie: the rover ends {short:.2f} m short of the path's end, {way.length:.2f} m away: on friction {friction:g} "
-        "its wheels slip, it tips over or something holds it; try more friction or another way",
+        "its wheels slip, it tips over or an obstacle holds it; try more friction or another path",
         file=sys.stderr,
     )
     return EXIT_NOT_THERE
 
 
 def _path(text: str | None, radius: float, rover: Rover, terrain: Terrain) -> Path:
-    """Points of `x,y x,y …` or a CSV file; or straight over the map's middle, as far in from its rim as the rover reaches."""
+    """Return the path of a CSV file or of waypoints `x,y x,y …`; default: straight through the middle of the map.
+
+    The default path keeps the rover's reach away from the edge of the map.
+    """
     if text is not None and text.lower().endswith(".csv"):
         return read_route(text, radius)
     if text is not None:
@@ -213,13 +226,13 @@ def _path(text: str | None, radius: float, rover: Rover, terrain: Terrain) -> Pa
     reach = 1.05 * (np.abs(rover.hubs[:, 0]) + rover.wheel_radius).max()
     if xmax - xmin <= 2 * reach:
         raise PathError(
-            f"the map is {xmax - xmin:g} m long, too short for rover {rover.name!r}, reaching {reach:.3g} m: give more ground"
+            f"the map is {xmax - xmin:g} m long, too short for rover {rover.name!r}, reaching {reach:.3g} m: give more terrain"
         )
     return Path.straight((xmin + reach, (ymin + ymax) / 2), 0.0, xmax - xmin - 2 * reach)
 
 
-def _on_the_map(run: xr.Dataset, terrain: Terrain) -> xr.Dataset:
-    """The run, if all of it is on the map and the rover could stand anywhere."""
+def _on_map(run: xr.Dataset, terrain: Terrain) -> xr.Dataset:
+    """Return the run if it lies on the map and has any pose, else raise."""
     status = run["status"].values
     off = status == Status.OFF_MAP
     if off.any():
@@ -241,6 +254,7 @@ def _files(name: str) -> tuple[str, ...]:
 
 
 def _write_run(rover: Rover, terrain: Terrain, run: xr.Dataset, output: FilePath | None, name: str) -> list[FilePath]:
+    """Write pictures and data of a run into the folder `output`; return the files."""
     if output is None:
         return []
     from ..figures.charts import run_map, run_profile, worst_of
@@ -259,7 +273,7 @@ def _write_run(rover: Rover, terrain: Terrain, run: xr.Dataset, output: FilePath
 
 
 def _summary(run: xr.Dataset) -> dict[str, Any]:
-    """Length, what became of the stations, and each channel's least and greatest value with where (SI, radians)."""
+    """Return length, number of stations by status, and extremes of each channel with their positions (SI, radians)."""
     from ..figures.charts import tilt_of
 
     status = run["status"].values
@@ -272,7 +286,7 @@ def _summary(run: xr.Dataset) -> dict[str, Any]:
     extremes = {}
     for name in ("tilt", "roll", "pitch", "rocker", "bogie_left", "bogie_right", "clearance"):
         if np.isnan(channels[name]).all():
-            continue  # no clearance is known where the body reaches over the map's rim
+            continue  # the clearance is NaN if the body reaches over the edge of the map
         low, high = int(np.nanargmin(channels[name])), int(np.nanargmax(channels[name]))
         extremes[name] = {
             "min": float(channels[name][low]), "min_at": float(distance[low]),
@@ -290,6 +304,7 @@ def _summary(run: xr.Dataset) -> dict[str, Any]:
 
 
 def _print_summary(rover: Rover, summary: dict[str, Any]) -> None:
+    """Print a run's summary as a table."""
     console = Console(highlight=False)
     console.print(f"[bold]{escape(summary['rover'])}[/] on [bold]{escape(summary['terrain'])}[/]: {summary['path']}")
     settled = summary["status"].get(Status.CONVERGED.name, 0)
@@ -298,8 +313,8 @@ def _print_summary(rover: Rover, summary: dict[str, Any]) -> None:
         f"{summary['length']:.2f} m, {settled} of {summary['stations']} stations settled" + "".join(f", {o}" for o in others)
     )
     table = Table(box=box.SIMPLE, padding=(0, 1))
-    for head in ("", "least", "at", "greatest", "at", "stops"):
-        table.add_column(head, justify="left" if head in ("", "stops") else "right")
+    for head in ("", "least", "at", "greatest", "at", "limits"):
+        table.add_column(head, justify="left" if head in ("", "limits") else "right")
     stops = {
         name: ", ".join(f"{limit:+.3g}°" for limit in np.degrees(limits))
         for name, limits in (

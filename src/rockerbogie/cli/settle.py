@@ -1,8 +1,8 @@
-"""`rockerbogie settle`: one pose, in numbers and in a picture."""
+"""Command `rockerbogie settle`: one pose, as numbers and as a picture."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from cyclopts import Parameter
@@ -15,7 +15,8 @@ from rich.table import Table
 from ..errors import RockerbogieError, unknown_name
 from ..rover.formats import load_rover
 from ..rover.model import Rover
-from ..settling.pose import Pose
+from ..settling.engines import Mode
+from ..settling.pose import JOINTS, Pose
 from ..settling.settle import settle as settle_rover
 from ..settling.status import MEANING, Status
 from .common import (
@@ -36,7 +37,7 @@ from .common import (
     save_netcdf,
 )
 
-#: Exit code where the rover finds no rest: an answer, not a wrong call.
+#: Exit code if there is no pose: a result, not a wrong call.
 EXIT_NO_POSE = 1
 
 
@@ -47,39 +48,39 @@ def settle(
     at: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None,
     yaw: float = 0.0,
     steering: str | None = None,
-    mode: Literal["contact", "equilibrium"] = "contact",
+    mode: Mode = "contact",
     linear: Linear = None,
     output: Folder = None,
     force: Force = False,
     json: Json = False,
 ) -> int:
-    """Let a rover settle at one place, and show how it sits there.
+    """Compute the pose of a rover at one position, and show it.
 
-    The numbers go to the screen; with -o also a picture (pose.png) and the data (pose.nc). Exits 1 where the rover finds
-    no rest there, 2 where it was asked wrongly (off the map, say).
+    Prints the numbers; with -o also writes a picture (pose.png) and the data (pose.nc). Exits 1 if there is no pose, 2 for
+    wrong input (a position off the map, say).
 
     Parameters
     ----------
     terrain
         A raster file (GeoTIFF and others), or surface:NAME for a built-in one: surface:paper, surface:mars, surface:rocks …
     rover
-        A preset's name, or a rover file.
+        Name of a preset, or a rover file.
     at
-        Where the body's reference point stands, x,y in the map's metres. Default: the middle of the map.
+        Position of the body's reference point, x,y in the map's metres. Default: the middle of the map.
     yaw
-        Heading, degrees, counter-clockwise from +x (east).
+        Yaw (heading), degrees, counter-clockwise from +x (east).
     steering
-        Angles of wheels that steer, degrees, left positive: LR=10,RR=12. The others stay straight.
+        Angles of wheels that steer, degrees, left positive: LR=10,RR=12. The others stay at 0.
     mode
-        contact: all six wheels touch. equilibrium: at rest under its own weight; wheels may hang.
+        contact: all six wheels in contact. equilibrium: balance under the rover's weight; wheels may be off the ground.
     linear
-        Bilinear ground between the nodes, or a smooth cubic surface. Default: cubic for files.
+        Bilinear or smooth cubic terrain between the nodes. Default: cubic for files.
     output
         Folder for the picture and the data.
     force
         Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
-        Print JSON (SI units, radians) in place of the table.
+        Print JSON (SI units, radians) instead of the table.
     """
     guard_outputs(in_folder(output, "pose.nc", "pose.png"), terrain, rover, force=force)
     machine = load_rover(rover)
@@ -112,6 +113,7 @@ def settle(
 
 
 def _steering(rover: Rover, text: str | None) -> NDArray[np.float64] | None:
+    """Return the steering (6,), rad, of NAME=DEGREES pairs, or None."""
     if text is None:
         return None
     angles = np.zeros(6)
@@ -126,30 +128,39 @@ def _steering(rover: Rover, text: str | None) -> NDArray[np.float64] | None:
     return angles
 
 
+#: Fields of the JSON record; the first are those of every pose, the last those of a pose in equilibrium.
+FIELDS = (
+    *("x", "y", "z", "roll", "pitch", "yaw", "tilt", "rocker", "bogie", "steering"),
+    *("contact_angle", "contact_point", "gap", "clearance", "joint_stop"),
+)
+FORCES = ("support", "belly_support", "wheel_lifted")
+
+
 def _record(pose: Pose, status: Status) -> dict[str, Any]:
-    names = (
-        "x",
-        "y",
-        "z",
-        "roll",
-        "pitch",
-        "yaw",
-        "tilt",
-        "rocker",
-        "bogie",
-        "steering",
-        "contact_angle",
-        "contact_point",
-        "gap",
-    )
-    return (
-        {"rover": pose.rover.name, "terrain": pose.terrain.name, "status": status.name, "meaning": MEANING[status][0]}
-        | {name: getattr(pose, name) for name in (*names, "clearance")}
-        | {"wheel_names": pose.rover.wheel_names}
-    )
+    """Return the JSON record of a pose. A wheel off the ground has a gap, but no contact angle and no contact point."""
+    record: dict[str, Any] = {
+        "rover": pose.rover.name,
+        "terrain": pose.terrain.name,
+        "status": status.name,
+        "meaning": MEANING[status][0],
+    }
+    names = FIELDS if pose.report is None else FIELDS + FORCES
+    record |= {name: np.array(getattr(pose, name)) for name in names}
+    for name in ("contact_angle", "contact_point"):
+        record[name][pose.wheel_lifted] = np.nan
+    if pose.report is not None:
+        record["support_share"] = _shares(pose)
+    return record | {"joints": JOINTS, "wheel_names": pose.rover.wheel_names}
+
+
+def _shares(pose: Pose) -> NDArray[np.float64]:
+    """Return the share (7,) of the contact force of each wheel and of the body."""
+    forces = np.append(pose.support, pose.belly_support)
+    return np.asarray(forces / forces.sum())
 
 
 def _print_table(pose: Pose, status: Status, found: bool) -> None:
+    """Print the pose as tables."""
     console = Console()
     console.print(
         f"[bold]{escape(pose.rover.name)}[/] on [bold]{escape(pose.terrain.name)}[/]: {status.name}, {MEANING[status][0]}",
@@ -168,13 +179,38 @@ def _print_table(pose: Pose, status: Status, found: bool) -> None:
     table.add_row("z", f"{float(pose.z):.4f} m", "yaw", angle["yaw"], "bogie right", f"{right:.3f}°")
     table.add_row("clearance", f"{float(pose.clearance):.3f} m", "tilt", angle["tilt"], "", "")
     console.print(table)
+    console.print(_wheel_table(pose))
+    for line in _limits_and_body(pose):
+        console.print(line, highlight=False)
+
+
+def _wheel_table(pose: Pose) -> Table:
+    """Return the table of the wheels: contacts and, in equilibrium mode, contact forces."""
+    forces = pose.report is not None
     wheels = Table(box=box.SIMPLE, padding=(0, 1))
-    for head in ("wheel", "contact angle", "gap", "touches at x", "y", "z"):
-        wheels.add_column(head, justify="left" if head == "wheel" else "right")
+    for heading in ("wheel", "contact angle", "gap", *(["force", "share"] if forces else []), "contact at x", "y", "z"):
+        wheels.add_column(heading, justify="left" if heading == "wheel" else "right", no_wrap=heading == "contact at x")
     for i, name in enumerate(pose.rover.wheel_names):
-        gap = float(pose.gap[i])
-        point = [f"{value:.3f}" for value in pose.contact_point[i]]
-        wheels.add_row(
-            name, f"{np.degrees(pose.contact_angle[i]):.3f}°", "0" if abs(gap) < 1e-6 else f"{1e3 * gap:.2f} mm", *point
-        )
-    console.print(wheels)
+        gap, lifted = float(pose.gap[i]), bool(pose.wheel_lifted[i])
+        angle = f"{np.degrees(pose.contact_angle[i]):.3f}°"
+        force = [f"{pose.support[i]:.1f} N", f"{100 * _shares(pose)[i]:.1f} %"] if forces else []
+        contact = ["off the ground", "", ""] if lifted else [f"{value:.3f}" for value in pose.contact_point[i]]
+        wheels.add_row(name, "–" if lifted else angle, "0" if abs(gap) < 1e-6 else f"{1e3 * gap:.2f} mm", *force, *contact)
+    return wheels
+
+
+def _limits_and_body(pose: Pose) -> list[str]:
+    """Return a line for each joint at or beyond its limit, and one if the body carries weight."""
+    limits = (pose.rover.rocker_limits, pose.rover.bogie_limits, pose.rover.bogie_limits)
+    angles = (pose.rocker, *pose.bogie)
+    where = "at" if pose.report is not None else "beyond"
+    lines = []
+    for joint, side, limit, angle in zip(JOINTS, pose.joint_stop.tolist(), limits, angles, strict=True):
+        if side != 0:
+            end, bound = ("high", limit[1]) if side > 0 else ("low", limit[0])
+            lines.append(
+                f"{joint.replace('_', ' ')} {where} its {end} limit of {np.degrees(bound):.3g}° ({np.degrees(float(angle)):.3f}°)"
+            )
+    if pose.report is not None and pose.belly_support > 0:
+        lines.append(f"body on the terrain: {float(pose.belly_support):.1f} N, {100 * _shares(pose)[6]:.1f} %")
+    return lines
