@@ -256,8 +256,8 @@ def traversability(name: str) -> Iterator[Item]:
     maps = rb.traversability(rover, terrain, headings=8, resolution=0.75)
     yield from dataset_items("map", maps)
     way = rb.plan(maps, (-7.0, -7.0), (7.0, 6.0), rover=rover)
-    for key in ("x", "y", "heading", "distance", "cost", "tilt"):
-        yield f"plan.{key}", getattr(way, key)
+    for key, label in (("x", "x"), ("y", "y"), ("yaw", "heading"), ("distance", "distance"), ("cost", "cost"), ("tilt", "tilt")):
+        yield f"plan.{label}", getattr(way, key)
 
 
 def exports(name: str, rover: str) -> Iterator[Item]:

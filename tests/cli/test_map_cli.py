@@ -207,7 +207,7 @@ def test_plan_feeds_drive(dem: Path, whole: xr.Dataset, tmp_path: Path, capsys: 
     argv = ("plan", maps, "--start", *places[:2], "--goal", *places[2:], "--start-heading", "-90")
     told = json.loads(answer(capsys, *argv, "-o", route, "-t", dem, "--json"))
     assert told["files"] == [str(route), str(tmp_path / "route.png")]
-    assert_close(told["heading"][0], 3 * np.pi / 2, 1e-9, "rad", "faced as asked, as the map counts it")
+    assert_close(told["yaw"][0], 3 * np.pi / 2, 1e-9, "rad", "faced as asked, as the map counts it")
     plan = rb.plan(whole, (float(places[0]), float(places[1]), -np.pi / 2), (float(places[2]), float(places[3])))
     assert_close(told["cost"], plan.cost, 1e-9, "m", "the same plan")
     assert str(route) in answer(capsys, *argv, "-o", route, "--no-preview")

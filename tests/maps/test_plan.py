@@ -134,7 +134,7 @@ def test_least_cost_is_that_of_the_definition(headings: int, turning: str, monke
 def is_a_way(maps: xr.Dataset, plan: rb.Plan, in_place: bool, radius: float, backward: bool) -> None:
     """Each pose of a plan follows from the one before by a move of the definition, at the cost that it says."""
     headings = maps.sizes["heading"]
-    k = np.round(plan.heading * headings / (2 * np.pi), 6)
+    k = np.round(plan.yaw * headings / (2 * np.pi), 6)
     kept = k == np.round(k)  # the corner of an arc faces halfway
     rows = np.round((plan.y - float(maps["y"][0])) / 0.5).astype(int)
     cols = np.round((plan.x - float(maps["x"][0])) / 0.5).astype(int)
@@ -182,7 +182,7 @@ def test_level_ground_is_crossed_straight() -> None:
     maps = empty()
     plan = rb.plan(maps, (*place(maps, 2, 1), 0.0), (*place(maps, 2, 19), 0.0))
     assert_close(plan.cost[-1], 9.0, 1e-9, "m", "18 cells of half a metre, no risk, no turn")
-    assert_close(plan.heading, 0.0, 0, "rad", "straight on")
+    assert_close(plan.yaw, 0.0, 0, "rad", "straight on")
     knight = rb.plan(maps, (*place(maps, 1, 1), np.pi / 8), place(maps, 9, 17))
     assert_close(knight.distance[-1], 8 * 0.5 * math.sqrt(5), 1e-9, "m", "eight knight's steps")
 
@@ -192,8 +192,8 @@ def test_a_turn_costs_what_it_is_said_to() -> None:
     about = rb.plan(maps, (*place(maps, 5, 5), 0.0), (*place(maps, 5, 5), np.pi), turn_cost=0.25)
     assert_close(about.cost[-1], 0.25 * np.pi, 1e-12, "m", "half a turn")
     assert about.distance[-1] == 0
-    assert_close(np.abs(np.diff(about.heading)), np.pi / 8, 1e-12, "rad", "heading by heading")
-    with pytest.raises(rb.PathError, match="nothing to drive along"):
+    assert_close(np.abs(np.diff(about.yaw)), np.pi / 8, 1e-12, "rad", "heading by heading")
+    with pytest.raises(rb.PathError, match="there is no path to drive"):
         _ = about.path
     free = rb.plan(maps, (*place(maps, 5, 5), 0.0), (*place(maps, 5, 5), np.pi), turn_cost=0.0)
     assert free.cost[-1] == 0
@@ -292,7 +292,7 @@ def test_drive_along_a_plan_meets_the_map_s_own_tilts(hills: tuple[rb.Rover, rb.
     still = np.flatnonzero((np.diff(plan.distance, append=np.inf) > 0) & (np.diff(plan.distance, prepend=-np.inf) > 0))
     at = path.sample(plan.distance[still])
     assert_close(at.x, plan.x[still], 1e-9, "m", "the path goes through the cells")
-    assert_close(np.angle(np.exp(1j * (at.yaw - plan.heading[still]))), 0.0, 1e-9, "rad", "faced as on the map")
+    assert_close(np.angle(np.exp(1j * (at.yaw - plan.yaw[still]))), 0.0, 1e-9, "rad", "faced as on the map")
     pose = rb.settle(rover, ground, at.x, at.y, at.yaw)
     assert_close(pose.tilt, plan.tilt[still], 1e-6, "rad", "the map's pose at each cell the rover does not turn in")
     plan.to_csv(tmp_path / "route.csv")
@@ -331,7 +331,7 @@ def test_the_same_call_gives_the_same_way() -> None:
     maps = empty()
     a, b = (rb.plan(maps, place(maps, 0, 0), place(maps, 20, 13)) for _ in range(2))
     assert (a.x == b.x).all()
-    assert (a.heading == b.heading).all()
+    assert (a.yaw == b.yaw).all()
 
 
 def test_a_way_over_real_ground(data: Callable[[str], Path]) -> None:

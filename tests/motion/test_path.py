@@ -118,3 +118,16 @@ def test_sample_keeps_the_shape(shape: tuple[int, ...]) -> None:
 def test_bad_paths_say_why(call, sentence: str) -> None:
     with pytest.raises(rb.PathError, match=sentence):
         call()
+
+
+def test_a_path_prints_as_a_line() -> None:
+    assert repr(U_TURN) == f"<Path of {U_TURN.length:.6g} m: {U_TURN.description}>"
+    assert "\n" not in repr(U_TURN)
+
+
+def test_heading_of_a_route_is_deprecated() -> None:
+    numbers = [np.arange(3.0) for _ in range(6)]
+    route = rb.Route(*numbers, crs=None, rover="osr")
+    with pytest.warns(DeprecationWarning, match=r"use Route\.yaw"):
+        assert route.heading is route.yaw
+    assert "\n" not in repr(route)

@@ -100,8 +100,8 @@ def plan(
             ground = None if terrain is None else load_terrain(terrain, None) if terrain.startswith(SURFACE) else Path(terrain)
             files.append(save(terrain_map(overview(maps, ground), found), picture))
     if json:
-        names = ("x", "y", "heading", "distance", "cost", "tilt")
-        print_json({name: getattr(found, name) for name in names} | {"files": files})
+        names = ("x", "y", "yaw", "distance", "cost", "tilt")
+        print_json({name: getattr(found, name) for name in names} | {"heading": found.yaw, "files": files})  # heading: old name
     else:
         Console(highlight=False, soft_wrap=True).print(str(found))
         for file in files:

@@ -119,7 +119,7 @@ def _said(plan: Route | None, maps: xr.Dataset) -> str:
     asked = f"{maps.sizes['heading']} headings at each cell of {' x '.join(f'{side:.4g}' for side in cell)} m"
     if plan is None:
         return asked
-    turned = np.degrees(np.abs(np.diff(plan.heading)).sum())
+    turned = np.degrees(np.abs(np.diff(plan.yaw)).sum())
     return f"the way: tilt up to {np.degrees(np.nanmax(plan.tilt)):.1f}°, turning {turned:.0f}° in all · {asked}"
 
 

@@ -1,4 +1,4 @@
-"""Where a rover is asked to go: x, y and yaw over the distance travelled."""
+"""Paths: x, y and yaw as functions of the horizontal distance along the path."""
 
 from __future__ import annotations
 
@@ -7,35 +7,34 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..arrays import Array
 from ..errors import PathError
 from ..rotations import wrap_angle
 
-Array = NDArray[np.float64]
-
-#: Corners sharper than this are a turn back on the spot, which no rounding can drive.
+#: A corner sharper than this is a reversal, which no arc can round.
 SHARPEST_CORNER = np.deg2rad(175.0)
 
 
 class PathSample(NamedTuple):
-    """Places on a path: all (...), metres and radians, yaw and course continuous along the path."""
+    """Stations on a path: all (...), metres and radians; yaw and course are continuous along the path."""
 
     x: Array
     y: Array
     yaw: Array
-    course: Array  # direction of travel; yaw itself unless the path was given with a yaw of its own
+    course: Array  # direction of travel; equal to yaw unless the path was made from poses
     curvature: Array  # d yaw / d distance, 1/m, left turn positive
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Path:
-    """A way over the ground, in n pieces on each of which course and yaw change at a constant rate: lines and arcs.
+    """Path of n pieces, lines and arcs, on each of which course and yaw change at a constant rate. All values are finite.
 
-    Make one with `Path.straight`, `Path.arc`, `Path.waypoints` or `Path.from_arrays`. Not-a-number never gets in.
+    Make one with `Path.straight`, `Path.arc`, `Path.waypoints` or `Path.from_arrays`.
     """
 
-    distance: Array  # (n + 1,) of the pieces' ends, from 0, m
+    distance: Array  # (n + 1,) horizontal distance of the pieces' ends, from 0, m
     x: Array  # (n + 1,) m
     y: Array  # (n + 1,) m
     yaw: Array  # (n + 1,) rad, continuous
@@ -43,9 +42,20 @@ class Path:
     bend: Array  # (n,) its rate, 1/m
     description: str
 
+    def __repr__(self) -> str:
+        return f"<Path of {self.length:.6g} m: {self.description}>"
+
     @classmethod
     def straight(cls, start: tuple[float, float], yaw: float, length: float) -> Path:
-        """A straight line of `length` m from `start` (x, y), facing `yaw` rad.
+        """Make a straight line.
+
+        Args:
+            start: x and y, m.
+            yaw: direction of travel and yaw of the body, rad.
+            length: m, above 0.
+
+        Returns:
+            The path.
 
         Raises:
             PathError: not finite, or a length that is not above 0.
@@ -55,7 +65,16 @@ class Path:
 
     @classmethod
     def arc(cls, start: tuple[float, float], yaw: float, radius: float, angle: float) -> Path:
-        """A circular arc from `start` (x, y), facing `yaw` rad there, of `radius` m through `angle` rad, left positive.
+        """Make a circular arc.
+
+        Args:
+            start: x and y, m.
+            yaw: direction of travel and yaw of the body at the start, rad.
+            radius: m, above 0.
+            angle: change of yaw, left positive, rad.
+
+        Returns:
+            The path.
 
         Raises:
             PathError: not finite, a radius that is not above 0, or no angle.
@@ -68,14 +87,17 @@ class Path:
 
     @classmethod
     def waypoints(cls, points: ArrayLike, radius: float = 1.0) -> Path:
-        """Straight lines through points, each corner rounded by an arc, so that the rover faces where it goes.
+        """Make straight lines through points, with each corner rounded by an arc. Yaw is the direction of travel.
 
         Args:
-            points: (n, 2) x and y, m. The path starts at the first and ends at the last, and cuts the corners between.
+            points: (n, 2) x and y, m. The path starts at the first, ends at the last, and cuts the corners at the others.
             radius: of the arcs, m.
 
+        Returns:
+            The path.
+
         Raises:
-            PathError: fewer than two points, not finite, two in one place, a turn on the spot, or no room for an arc.
+            PathError: fewer than two points, not finite, two equal points in a row, a reversal, or no room for an arc.
         """
         p = _numbers(points)
         if p.ndim != 2 or p.shape[1:] != (2,) or len(p) < 2:
@@ -104,14 +126,17 @@ class Path:
 
     @classmethod
     def from_arrays(cls, x: ArrayLike, y: ArrayLike, yaw: ArrayLike) -> Path:
-        """A path through poses, as a log has them: straight from place to place, yaw changing evenly between.
+        """Make a path through poses, such as those of a log: straight from one to the next, yaw interpolated linearly.
 
         Args:
-            x, y: (n,) places, m.
-            yaw: (n,) where the rover faces, rad; whole turns are taken out. It need not be the way it goes.
+            x, y: (n,) m.
+            yaw: (n,) rad; whole turns are removed. It may differ from the direction of travel.
+
+        Returns:
+            The path.
 
         Raises:
-            PathError: fewer than two poses, shapes that differ, not finite, or two poses in one place.
+            PathError: fewer than two poses, shapes that differ, not finite, or two poses in a row at one position.
         """
         px, py, facing = (_numbers(a) for a in (x, y, yaw))
         if not (px.ndim == 1 and len(px) >= 2 and px.shape == py.shape == facing.shape):
@@ -125,11 +150,17 @@ class Path:
 
     @property
     def length(self) -> float:
-        """Distance from start to end along the path, m."""
+        """Horizontal distance from start to end along the path, m."""
         return float(self.distance[-1])
 
     def sample(self, distance: ArrayLike) -> PathSample:
-        """Place, yaw, course and curvature (...) at `distance` (...) along the path, m.
+        """Compute position, yaw, course and curvature at distances along the path.
+
+        Args:
+            distance: (...) m, from 0 to `length`.
+
+        Returns:
+            PathSample of the same shape.
 
         Raises:
             PathError: a distance that is nan, below 0 or beyond the path's length.
@@ -142,7 +173,7 @@ class Path:
         k = np.clip(np.searchsorted(self.distance, s, side="right") - 1, 0, len(self.bend) - 1)
         along = s - self.distance[k]
         turned = self.bend[k] * along
-        chord = along * np.sinc(turned / (2 * np.pi))  # sin(turned / 2) / (turned / 2), whole for a straight line
+        chord = along * np.sinc(turned / (2 * np.pi))  # sin(turned / 2) / (turned / 2), 1 for a straight line
         towards = self.course[k] + turned / 2
         curvature = (np.diff(self.yaw) / np.diff(self.distance))[k]
         return PathSample(
@@ -155,7 +186,7 @@ class Path:
 
 
 def _numbers(values: ArrayLike) -> Array:
-    """A copy as an array of floats."""
+    """Return a copy as an array of floats, or raise."""
     try:
         return np.array(values, dtype=float)
     except (TypeError, ValueError):
@@ -163,7 +194,7 @@ def _numbers(values: ArrayLike) -> Array:
 
 
 def _legs(x: Array, y: Array) -> tuple[Array, Array]:
-    """Length and direction (n - 1,) of the straight lines between places (n,)."""
+    """Return length and direction (n - 1,) of the straight lines between points (n,), or raise."""
     if not (np.isfinite(x).all() and np.isfinite(y).all()):
         bad = int(np.argmin(np.isfinite(x) & np.isfinite(y)))
         raise PathError(f"point {bad + 1} of the path is ({x[bad]:g}, {y[bad]:g}): give finite numbers, in metres")
@@ -175,7 +206,7 @@ def _legs(x: Array, y: Array) -> tuple[Array, Array]:
 
 
 def _from_arcs(start: tuple[float, float], yaw: float, arcs: list[tuple[float, float]], description: str) -> Path:
-    """A path of arcs (length, curvature) end to end, faced where it goes."""
+    """Return a path of arcs (length, curvature) end to end, with yaw along the direction of travel."""
     length, bend = np.array(arcs, dtype=float).T
     if not (np.isfinite([*start, yaw]).all() and np.isfinite(length).all()):
         raise PathError(f"path ({description}) is not finite: give finite numbers, metres and radians")

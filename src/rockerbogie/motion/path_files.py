@@ -1,75 +1,83 @@
-"""A planned way: its poses, the `Path` that `drive` takes, and files of it."""
+"""Planned routes: their poses, the `Path` for `drive`, and their files."""
 
 from __future__ import annotations
 
 import csv
 import json
+import warnings
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path as FilePath
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import PathError, RockerbogieError
 from ..outputs import SOURCE, check_outputs
 from ..tables import read_columns
 from .path import Path
 
-Array = NDArray[np.float64]
-
-#: Share of a leg over which a turn on the spot is spread in a `Path`, which only turns while it moves.
+#: Share of a leg over which a turn on the spot is spread in a `Path`, which turns only while it moves.
 TURN_ROOM = 0.1
 COLUMNS = {"x": "m", "y": "m", "yaw": "rad", "distance": "m", "cost": "m", "tilt": "rad"}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Route:
-    """The least-cost way over a map: n poses, SI and radians. Turning on the spot, poses share their place.
+    """Least-cost route over a map: n poses, SI and radians. Poses of a turn on the spot share their position.
 
-    `str(plan)` says in a line what it is.
+    `str(route)` is a summary in one line.
     """
 
-    x: Array  # (n,) m, centres of cells
+    x: Array  # (n,) m, cell centres
     y: Array  # (n,) m
-    heading: Array  # (n,) from +x counter-clockwise, rad, whole turns taken out
-    distance: Array  # (n,) driven from the start, m
-    cost: Array  # (n,) so far, m of level ground
-    tilt: Array  # (n,) as the map has it, rad
+    yaw: Array  # (n,) from +x counter-clockwise, rad, continuous
+    distance: Array  # (n,) horizontal distance from the start, m
+    cost: Array  # (n,) from the start, equivalent m of level terrain
+    tilt: Array  # (n,) from the map, rad
     crs: str | None
     rover: str
 
     def __str__(self) -> str:
-        turned = np.degrees(np.abs(np.diff(self.heading)).sum())
+        turned = np.degrees(np.abs(np.diff(self.yaw)).sum())
         ends = [f"({self.x[k]:.10g}, {self.y[k]:.10g})" for k in (0, -1)]
         return (
             f"{self.distance[-1]:.1f} m from {ends[0]} to {ends[1]} m, turning {turned:.0f} deg in all, "
             f"tilted {np.degrees(np.nanmax(self.tilt)):.1f} deg at most; cost {self.cost[-1]:.1f} m of level ground"
         )
 
+    def __repr__(self) -> str:
+        return f"<Route of {len(self.x)} poses: {self}>"
+
+    @property
+    def heading(self) -> Array:
+        """(n,) old name of `yaw`, rad. Deprecated."""
+        warnings.warn("Route.heading is deprecated: use Route.yaw", DeprecationWarning, stacklevel=2)
+        return self.yaw
+
     @property
     def path(self) -> Path:
-        """The way as `drive` takes it: straight from cell to cell, faced as on the map.
+        """The route as a `Path` for `drive`: straight from cell to cell, with the route's yaw.
 
-        A turn on the spot is spread over a twentieth of the leg before it and of the one after.
+        A turn on the spot is spread over a twentieth of the leg before it and of the leg after it.
 
         Raises:
-            PathError: the plan only turns and goes nowhere.
+            PathError: the route only turns on the spot.
         """
-        return path_of(self.x, self.y, self.heading)
+        return path_of(self.x, self.y, self.yaw)
 
     def to_csv(self, file: str | FilePath, *, force: bool = False) -> None:
-        """Write a row a pose: `x [m]`, `y [m]`, `yaw [rad]`, ...; `rockerbogie drive --path` reads it.
+        """Write one row per pose: `x [m]`, `y [m]`, `yaw [rad]`, ...; `rockerbogie drive --path` reads it.
 
         Args:
-            file: the table to write.
+            file: the CSV file to write.
             force: replace a file that this package did not write.
 
         Raises:
             RockerbogieError: the file cannot be written.
         """
         check_outputs([file], force=force)
-        columns = (self.x, self.y, self.heading, self.distance, self.cost, self.tilt)
+        columns = (self.x, self.y, self.yaw, self.distance, self.cost, self.tilt)
         try:
             with open(file, "w", newline="", encoding="utf-8") as stream:
                 writer = csv.writer(stream)
@@ -79,9 +87,9 @@ class Route:
             raise RockerbogieError(f"cannot write {str(file)!r}: {error.strerror}") from None
 
     def to_geojson(self, file: str | FilePath, *, force: bool = False) -> None:
-        """Write a line with its length, cost and greatest tilt, in the map's own coordinates and CRS, for QGIS.
+        """Write a line with its length, cost and largest tilt, in the coordinates and CRS of the map, for QGIS.
 
-        GeoJSON's standard knows the Earth's longitude and latitude only; like GDAL, QGIS reads a CRS that is named.
+        The GeoJSON standard allows longitude and latitude of the Earth only. QGIS and GDAL also read the CRS member.
 
         Args:
             file: the .geojson file to write.
@@ -116,13 +124,20 @@ Plan = Route
 
 
 def read_route(file: str | FilePath, radius: float = 1.0) -> Path:
-    """A `Path` from a CSV file: columns `x [m]` and `y [m]`, and `yaw [rad]` (or `[deg]`) where poses are meant.
+    """Read a `Path` from a CSV file with columns `x [m]` and `y [m]`, and `yaw [rad]` (or `[deg]`) for poses.
 
-    Without yaw the places are waypoints with corners of `radius` m. Rows in one place are a turn on the spot.
+    Without yaw the rows are waypoints. With yaw, rows at one position are a turn on the spot.
+
+    Args:
+        file: CSV file.
+        radius: of the arcs at waypoints, m.
+
+    Returns:
+        The path.
 
     Raises:
         RockerbogieError: no such file, not CSV, no x or y.
-        PathError: places that make no path.
+        PathError: rows that make no path.
     """
     name = FilePath(file).name
     if not FilePath(file).exists():
@@ -136,23 +151,30 @@ def read_route(file: str | FilePath, radius: float = 1.0) -> Path:
     return path_of(columns["x"], columns["y"], columns["yaw"])
 
 
-def path_of(x: Array, y: Array, heading: Array) -> Path:
-    """A path through poses (n,), some of them turns on the spot: spread over a little of the legs on either side.
+def path_of(x: Array, y: Array, yaw: Array) -> Path:
+    """Make a path through poses. A turn on the spot is spread over a small part of the legs before and after it.
+
+    Args:
+        x, y: (n,) m.
+        yaw: (n,) rad.
+
+    Returns:
+        The path.
 
     Raises:
-        PathError: the poses never leave their place, or are no numbers.
+        PathError: all poses at one position, or not finite.
     """
     moved = np.flatnonzero(np.hypot(np.diff(x), np.diff(y)) > 0)
     if not moved.size:
-        raise PathError(f"the {len(x)} poses all stand at one place, and turn at most: there is nothing to drive along")
-    first = np.concatenate([[0], moved + 1])  # the poses at each place, from first to last
+        raise PathError(f"the {len(x)} poses are all at one position: there is no path to drive")
+    first = np.concatenate([[0], moved + 1])  # first and last pose at each position
     last = np.concatenate([moved, [len(x) - 1]])
     place = np.stack([x[first], y[first]], axis=-1)
     leg = np.diff(place, axis=0)
     points: list[Array] = []
     facing: list[float] = []
     for k, (i, j) in enumerate(zip(first, last, strict=True)):
-        before = -TURN_ROOM / 2 if k > 0 else 0.0  # in legs: back along the one that led here, on along the next
+        before = -TURN_ROOM / 2 if k > 0 else 0.0  # in legs: back along the leg before, on along the leg after
         after = TURN_ROOM / 2 if k < len(leg) else 0.0
         if k == 0:
             after = TURN_ROOM
@@ -160,15 +182,15 @@ def path_of(x: Array, y: Array, heading: Array) -> Path:
             before = -TURN_ROOM
         share = np.linspace(before, after, j - i + 1) if j > i else np.zeros(1)
         at = np.union1d(share, [0.0])
-        for s, yaw in zip(at, np.interp(at, share, heading[i : j + 1]), strict=True):
+        for s, angle in zip(at, np.interp(at, share, yaw[i : j + 1]), strict=True):
             way = leg[k - 1] if s < 0 else leg[min(k, len(leg) - 1)]
             points.append(place[k] + s * way)
-            facing.append(float(yaw))
+            facing.append(float(angle))
     line = np.array(points)
     return Path.from_arrays(line[:, 0], line[:, 1], facing)
 
 
 def _urn(crs: str | None) -> str | None:
-    """A CRS such as EPSG:32633 as a GeoJSON file names it; none for one that has no such name."""
+    """Return the URN of a CRS such as EPSG:32633 for a GeoJSON file; None if it has none."""
     authority, _, code = (crs or "").partition(":")
     return f"urn:ogc:def:crs:{authority}::{code}" if code.isdigit() else None
