@@ -1,4 +1,4 @@
-"""Kinematics of six-wheeled rocker-bogie rovers on terrain: pose, motion, slip, odometry, maps.
+"""Kinematics of six-wheeled rocker-bogie rovers on terrain.
 
 All public names are here: `import rockerbogie as rb`. Each name loads its module at first use, so that the import itself is fast.
 """

@@ -1,4 +1,4 @@
-"""Batch shapes: broadcast arrays of any shape as the flat contiguous arrays that kernels take."""
+"""Batch shapes: broadcast arrays as the flat contiguous arrays that kernels take."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 
 def spanned(array: Array, shape: tuple[int, ...]) -> Array:
-    """Return the array broadcast to a shape without copying; the array itself if it has that shape.
+    """Return the array broadcast to a shape, without copying.
 
     Args:
         array: any array that broadcasts to `shape`.
@@ -37,10 +37,10 @@ def once(array: Array) -> Array:
 
 
 def pieces(shape: tuple[int, ...], most: int) -> Iterator[tuple[int | slice | EllipsisType, ...]]:
-    """Yield indices of parts of at most `most` items that together cover the shape once, in memory order.
+    """Yield indices of parts of at most `most` items that cover the shape once.
 
-    Each index is a slice of one axis with fixed indices on the axes before it. numpy then copies a part of a broadcast
-    array quickly and takes a part of a contiguous array without copying.
+    Parts are in memory order. Each index is a slice of one axis with fixed indices on the axes before it. numpy then copies a
+    part of a broadcast array quickly and takes a part of a contiguous array without copying.
 
     Args:
         shape: batch shape.
@@ -63,7 +63,7 @@ def pieces(shape: tuple[int, ...], most: int) -> Iterator[tuple[int | slice | El
 
 
 def flat(array: Array, *tail: int) -> Array:
-    """Return the array as (n, *tail), contiguous and writable: the only layout kernels are compiled for.
+    """Return the array as (n, *tail), contiguous and writable, as kernels require.
 
     Args:
         array: (..., *tail).

@@ -73,7 +73,9 @@ def _rotation(angle: ArrayLike, i: int, j: int) -> Array:
 
 
 def body_transform(x: ArrayLike, y: ArrayLike, z: ArrayLike, roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike) -> Array:
-    """Return T_world_body = Rz(yaw) Ry(pitch) Rx(roll) at (x, y, z): eq. 10, with the paper's signs corrected.
+    """Return T_world_body = Rz(yaw) Ry(pitch) Rx(roll) at (x, y, z).
+
+    This is eq. 10 with the paper's signs corrected.
 
     Args:
         x, y, z: (...) position of the body's reference point, m.

@@ -34,7 +34,10 @@ Noise = SensorNoise
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """The body's motion from its sensors. Components that they do not determine are NaN, with infinite covariance."""
+    """Motion of the body from its sensors.
+
+    Components that the sensors do not determine are NaN, with infinite covariance.
+    """
 
     twist: Array  # (..., 6) vx, vy, vz, ωx, ωy, ωz in the body frame, m/s and rad/s
     covariance: Array  # (..., 6, 6) of the twist
@@ -57,7 +60,9 @@ def body_twist(
     expected_slip: ArrayLike | None = None,
     noise: SensorNoise | None = None,
 ) -> Motion:
-    """Compute the body's twist from any of its sensors, by weighted least squares over the contacts of six wheels.
+    """Compute the body's twist from any of its sensors by weighted least squares.
+
+    The equations are the contacts of six wheels and the sensors' own.
 
     Each wheel gives three equations: its tread does not slip along or across, and does not leave the terrain. Rates that are
     not measured are unknowns beside the twist. NaN marks a missing reading.
@@ -117,7 +122,7 @@ def body_twist(
 
 
 def _equations(row: Array, value: Array, steering_rates: Array, sigma: ArrayLike) -> tuple[Array, Array]:
-    """Return the whitened equations row · unknowns = value, one per wheel; a NaN value removes its equation."""
+    """Return the whitened equations row · unknowns = value; a NaN value removes its equation."""
     weight = 1.0 / np.asarray(sigma, dtype=float)
     right = value - row[..., 9] * steering_rates
     known = np.isfinite(right) & np.isfinite(row).all(axis=-1)
@@ -126,13 +131,13 @@ def _equations(row: Array, value: Array, steering_rates: Array, sigma: ArrayLike
 
 
 def _direct(value: Array, columns: list[int], sigma: ArrayLike) -> tuple[Array, Array]:
-    """Return the whitened equations of sensors that measure the unknowns of these columns directly."""
+    """Return the whitened equations of sensors that measure the unknowns of `columns`."""
     row = np.eye(UNKNOWNS + 1)[columns]
     return _equations(np.broadcast_to(row, (*value.shape[:-1], *row.shape)), value, np.zeros(1), sigma)
 
 
 def _leaning(pose: ContactState, rates: Array, sigma: ArrayLike) -> tuple[Array, Array]:
-    """Return the whitened equations of the rates of roll and pitch in terms of the angular velocity (eq. 10)."""
+    """Return the whitened equations of roll and pitch rate by angular velocity (eq. 10)."""
     if not (hasattr(pose, "roll") and hasattr(pose, "pitch")) or callable(pose.roll):  # a Dataset's roll is its method
         raise RockerbogieError("inclinometer_rates need the attitude: give a pose that has roll and pitch")
     roll, pitch = np.asarray(pose.roll, dtype=float), np.asarray(pose.pitch, dtype=float)
@@ -144,7 +149,10 @@ def _leaning(pose: ContactState, rates: Array, sigma: ArrayLike) -> tuple[Array,
 
 
 def _least_squares(A: Array, b: Array) -> tuple[Array, Array]:
-    """Return x (..., 9) of least |A x − b| and its covariance; undetermined elements are NaN, with infinite covariance."""
+    """Return x (..., 9) of least |A x − b| and its covariance.
+
+    Undetermined elements are NaN, with infinite covariance.
+    """
     U, s, Vt = np.linalg.svd(A, full_matrices=False)
     seen = s > 1e-9 * s[..., :1]
     inverse = np.where(seen, 1.0 / np.where(seen, s, 1.0), 0.0)

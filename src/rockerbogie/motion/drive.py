@@ -45,7 +45,9 @@ def drive(
     mode: Mode = "contact",
     near: ArrayLike | None = None,
 ) -> xr.Dataset:
-    """Drive a rover along a path quasi-statically (the paper's section III): one pose per station, and the rates there.
+    """Drive a rover along a path quasi-statically: one pose and its rates per station.
+
+    This is the paper's section III.
 
     Rates are exact derivatives of the settled pose with respect to x, y and yaw (`drive_rates`). The rate of the steering itself
     is left out: it is 0 on lines and arcs, and at the joints between them the wheels turn on the spot. `contact_angle_rate`
@@ -120,7 +122,7 @@ def drive(
 
 
 def ackermann(rover: Rover, curvature: ArrayLike, crab: ArrayLike = 0.0) -> Array:
-    """Return the steering that points each steerable wheel along its own path; planar, all other joints at 0.
+    """Return the planar steering that points each steerable wheel along its own path.
 
     Seen from above, the body travels in direction `crab` and turns by `curvature` per metre. Each wheel's steering axis then
     moves perpendicular to its line to the turning centre. Angles lie within ±π/2; beyond, wheels roll backwards.
@@ -142,7 +144,7 @@ def ackermann(rover: Rover, curvature: ArrayLike, crab: ArrayLike = 0.0) -> Arra
 
 
 def _continuous(rover: Rover, steering: Array, near: Array) -> Array:
-    """Return steering (n, 6) shifted by half turns so that each wheel stays within π/2 of its angle before, from `near` (6,)."""
+    """Return steering (n, 6) shifted by half turns so that it stays continuous from `near` (6,)."""
     first = near + wrap_angle(2 * (steering[:1] - near)) / 2
     return np.where(rover.steers, np.unwrap(np.concatenate([first, steering[1:]]), axis=0, period=np.pi), 0.0)
 
@@ -192,8 +194,9 @@ def drive_rates(pose: Pose, at: PathSample, speed: float, differences: Array | N
 
 
 def _active_constraints(pose: Pose, lift: Array) -> Array:
-    """Return the six constraints (n, 6, 9) of equilibrium poses: wheels in contact and joints at limits; NaN if not six.
+    """Return the six constraints (n, 6, 9) of equilibrium poses; NaN if there are not six.
 
+    Constraints are the wheels in contact and the joints at limits.
     `lift` (n, 6, 9) is the lift of each wheel by the rates of x, y, z, roll, pitch, yaw, rocker and bogies.
     """
     n = len(lift)
@@ -206,7 +209,7 @@ def _active_constraints(pose: Pose, lift: Array) -> Array:
 
 
 def summary(status: NDArray[np.uint8], distance: Array) -> str:
-    """Describe a drive in one sentence: the number of settled stations, and each other status with its first station.
+    """Count the stations of a drive by status, in one sentence.
 
     Args:
         status: (n,) of the stations.
@@ -224,7 +227,9 @@ def summary(status: NDArray[np.uint8], distance: Array) -> str:
 
 
 def to_csv(run: xr.Dataset, file: str | FilePath) -> None:
-    """Write a run as CSV: one row per station, one column per number, named `name [unit]`, `name_wheel [unit]` and so on.
+    """Write a run as CSV, one row per station.
+
+    Columns are named `name [unit]`, `name_wheel [unit]` and so on.
 
     Args:
         run: from `drive` or `simulate`.

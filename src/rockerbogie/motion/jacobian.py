@@ -39,7 +39,7 @@ ROW_COLUMNS = ("vx", "vy", "vz", "wx", "wy", "wz", "rocker", "bogie_left", "bogi
 
 
 class ContactState(Protocol):
-    """Joint and contact angles of a rover, which motion functions take. `rockerbogie.Pose` is one."""
+    """Joint and contact angles of a rover, such as a `rockerbogie.Pose`."""
 
     @property
     def rocker(self) -> Array:
@@ -60,14 +60,14 @@ Stance = ContactState
 
 @dataclass(frozen=True, eq=False)
 class SimpleStance:
-    """Joint and contact angles of a rover on unknown terrain: rocker (...), bogie (..., 2), contact, steering (..., 6), rad."""
+    """Joint and contact angles of a rover on unknown terrain."""
 
-    rocker: Array
-    bogie: Array
-    contact_angle: Array
-    steering: Array
-    roll: Array | float = 0.0
-    pitch: Array | float = 0.0
+    rocker: Array  # (...) rad
+    bogie: Array  # (..., 2) rad
+    contact_angle: Array  # (..., 6) rad
+    steering: Array  # (..., 6) rad
+    roll: Array | float = 0.0  # (...) rad
+    pitch: Array | float = 0.0  # (...) rad
     normal: Array | None = None  # (..., 6, 3) terrain normals in the body frame; None: normals of the rims
 
 
@@ -153,8 +153,7 @@ def wheel_jacobians(
     J = np.empty((*q.shape, 6, 6, 9)) if out is None else _given("out", out, (*q.shape, 6, 6, 9))
     T = np.empty((0, 6, 4, 4)) if frames is None else _given("frames", frames, (*q.shape, 6, 4, 4))
     angles = (flat(q), flat(b, 2), flat_steering(s), flat(delta, 6))
-    steers = rover.steers.copy()  # writable, as the compiled kernels take it
-    parallel_for(kernel.wheel_jacobians_batch, q.size, rover.packed, steers, *angles, flat(J, 6, 6, 9), flat(T, 6, 4, 4))
+    parallel_for(kernel.wheel_jacobians_batch, q.size, rover.packed, rover.steers, *angles, flat(J, 6, 6, 9), flat(T, 6, 4, 4))
     return J
 
 
@@ -244,7 +243,9 @@ def contact_rows(rover: Rover, pose: ContactState, steering: ArrayLike | None = 
 
 
 def reading(name: str, value: ArrayLike, *last: int) -> Array:
-    """Return a sensor reading or an argument as an array whose last axes are `last`. NaN marks a missing reading.
+    """Return a reading or an argument as an array whose last axes are `last`.
+
+    NaN marks a missing reading.
 
     Args:
         name: the argument's name, for messages.
@@ -289,7 +290,7 @@ def batch_shape(**shapes: tuple[int, ...]) -> tuple[int, ...]:
 
 
 def solve_each(A: Array, b: Array) -> Array:
-    """Solve A x = b for each matrix of a batch; a singular or NaN matrix gives NaN and does not affect the others.
+    """Solve A x = b for each matrix of a batch; a singular or NaN matrix gives NaN.
 
     Args:
         A: (..., n, n).
@@ -307,7 +308,9 @@ def solve_each(A: Array, b: Array) -> Array:
 
 
 def ground_rates(rows: Array, twist: ArrayLike, steering_rates: ArrayLike = 0.0) -> Array:
-    """Return the rates of rocker and bogies that keep six wheels on the terrain best (least squares) at a given twist.
+    """Return the rocker and bogie rates that best keep six wheels on the terrain.
+
+    Best means least squares of the six lift rates at the given twist.
 
     Args:
         rows: (..., 6, 5, 10) from `contact_rows`.

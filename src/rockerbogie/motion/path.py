@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -18,7 +19,7 @@ SHARPEST_CORNER = np.deg2rad(175.0)
 
 
 class PathSample(NamedTuple):
-    """Stations on a path: all (...), metres and radians; yaw and course are continuous along the path."""
+    """Stations on a path: all (...), metres and radians; yaw and course are continuous."""
 
     x: Array
     y: Array
@@ -29,9 +30,9 @@ class PathSample(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Path:
-    """Path of n pieces, lines and arcs, on each of which course and yaw change at a constant rate. All values are finite.
+    """Path of n lines and arcs, on each of which course and yaw change at a constant rate.
 
-    Make one with `Path.straight`, `Path.arc`, `Path.waypoints` or `Path.from_arrays`.
+    All values are finite. Make one with `Path.straight`, `Path.arc`, `Path.waypoints` or `Path.from_arrays`.
     """
 
     distance: Array  # (n + 1,) horizontal distance of the pieces' ends, from 0, m
@@ -39,7 +40,7 @@ class Path:
     y: Array  # (n + 1,) m
     yaw: Array  # (n + 1,) rad, continuous
     course: Array  # (n,) direction of travel at each piece's start, rad
-    bend: Array  # (n,) its rate, 1/m
+    course_rate: Array  # (n,) rate of course on each piece, 1/m
     description: str
 
     def __repr__(self) -> str:
@@ -87,7 +88,9 @@ class Path:
 
     @classmethod
     def waypoints(cls, points: ArrayLike, radius: float = 1.0) -> Path:
-        """Make straight lines through points, with each corner rounded by an arc. Yaw is the direction of travel.
+        """Make straight lines through points, with each corner rounded by an arc.
+
+        Yaw is the direction of travel.
 
         Args:
             points: (n, 2) x and y, m. The path starts at the first, ends at the last, and cuts the corners at the others.
@@ -126,7 +129,7 @@ class Path:
 
     @classmethod
     def from_arrays(cls, x: ArrayLike, y: ArrayLike, yaw: ArrayLike) -> Path:
-        """Make a path through poses, such as those of a log: straight from one to the next, yaw interpolated linearly.
+        """Make a path through poses, straight from one to the next, with yaw interpolated linearly.
 
         Args:
             x, y: (n,) m.
@@ -147,6 +150,12 @@ class Path:
         said = f"{len(px)} poses from ({px[0]:.9g}, {py[0]:.9g}) to ({px[-1]:.9g}, {py[-1]:.9g}) m"
         distance = np.concatenate([[0.0], np.cumsum(leg)])
         return cls(distance, px, py, np.unwrap(facing), np.unwrap(way), np.zeros(len(leg)), said)
+
+    @property
+    def bend(self) -> Array:
+        """(n,) old name of `course_rate`, 1/m. Deprecated."""
+        warnings.warn("Path.bend is deprecated: use Path.course_rate", DeprecationWarning, stacklevel=2)
+        return self.course_rate
 
     @property
     def length(self) -> float:
@@ -170,9 +179,9 @@ class Path:
             raise PathError(
                 f"the path runs from 0 to {self.length:g} m; distances asked for run from {s.min():g} to {s.max():g} m"
             )
-        k = np.clip(np.searchsorted(self.distance, s, side="right") - 1, 0, len(self.bend) - 1)
+        k = np.clip(np.searchsorted(self.distance, s, side="right") - 1, 0, len(self.course_rate) - 1)
         along = s - self.distance[k]
-        turned = self.bend[k] * along
+        turned = self.course_rate[k] * along
         chord = along * np.sinc(turned / (2 * np.pi))  # sin(turned / 2) / (turned / 2), 1 for a straight line
         towards = self.course[k] + turned / 2
         curvature = (np.diff(self.yaw) / np.diff(self.distance))[k]
@@ -206,16 +215,16 @@ def _legs(x: Array, y: Array) -> tuple[Array, Array]:
 
 
 def _from_arcs(start: tuple[float, float], yaw: float, arcs: list[tuple[float, float]], description: str) -> Path:
-    """Return a path of arcs (length, curvature) end to end, with yaw along the direction of travel."""
-    length, bend = np.array(arcs, dtype=float).T
+    """Return a path of arcs (length, curvature) end to end; yaw is the direction of travel."""
+    length, curvature = np.array(arcs, dtype=float).T
     if not (np.isfinite([*start, yaw]).all() and np.isfinite(length).all()):
         raise PathError(f"path ({description}) is not finite: give finite numbers, metres and radians")
     if not (length > 0).all():
         raise PathError(f"path ({description}) has no length: give one above 0")
-    facing = yaw + np.concatenate([[0.0], np.cumsum(length * bend)])
+    facing = yaw + np.concatenate([[0.0], np.cumsum(length * curvature)])
     x, y = [float(start[0])], [float(start[1])]
-    for (before, after), piece, curve in zip(pairwise(facing), length, bend, strict=True):
+    for (before, after), piece, curve in zip(pairwise(facing), length, curvature, strict=True):
         chord = piece * np.sinc(piece * curve / (2 * np.pi))
         x.append(x[-1] + chord * np.cos((before + after) / 2))
         y.append(y[-1] + chord * np.sin((before + after) / 2))
-    return Path(np.concatenate([[0.0], np.cumsum(length)]), np.array(x), np.array(y), facing, facing[:-1], bend, description)
+    return Path(np.concatenate([[0.0], np.cumsum(length)]), np.array(x), np.array(y), facing, facing[:-1], curvature, description)

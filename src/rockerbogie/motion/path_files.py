@@ -24,9 +24,9 @@ COLUMNS = {"x": "m", "y": "m", "yaw": "rad", "distance": "m", "cost": "m", "tilt
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Route:
-    """Least-cost route over a map: n poses, SI and radians. Poses of a turn on the spot share their position.
+    """Least-cost route over a map: n poses, SI and radians.
 
-    `str(route)` is a summary in one line.
+    Poses of a turn on the spot share their position. `str(route)` is a summary in one line.
     """
 
     x: Array  # (n,) m, cell centres
@@ -67,7 +67,7 @@ class Route:
         return path_of(self.x, self.y, self.yaw)
 
     def to_csv(self, file: str | FilePath, *, force: bool = False) -> None:
-        """Write one row per pose: `x [m]`, `y [m]`, `yaw [rad]`, ...; `rockerbogie drive --path` reads it.
+        """Write a CSV file that `rockerbogie drive --path` reads, one row per pose.
 
         Args:
             file: the CSV file to write.
@@ -87,9 +87,10 @@ class Route:
             raise RockerbogieError(f"cannot write {str(file)!r}: {error.strerror}") from None
 
     def to_geojson(self, file: str | FilePath, *, force: bool = False) -> None:
-        """Write a line with its length, cost and largest tilt, in the coordinates and CRS of the map, for QGIS.
+        """Write a GeoJSON line with its length, cost and largest tilt.
 
-        The GeoJSON standard allows longitude and latitude of the Earth only. QGIS and GDAL also read the CRS member.
+        Coordinates and CRS are those of the map. The GeoJSON standard allows longitude and latitude of the Earth only. QGIS
+        and GDAL also read the CRS member.
 
         Args:
             file: the .geojson file to write.
@@ -124,9 +125,10 @@ Plan = Route
 
 
 def read_route(file: str | FilePath, radius: float = 1.0) -> Path:
-    """Read a `Path` from a CSV file with columns `x [m]` and `y [m]`, and `yaw [rad]` (or `[deg]`) for poses.
+    """Read a `Path` from a CSV file of waypoints or poses.
 
-    Without yaw the rows are waypoints. With yaw, rows at one position are a turn on the spot.
+    Columns are `x [m]` and `y [m]`, and `yaw [rad]` (or `[deg]`) for poses. Without yaw the rows are waypoints. With yaw,
+    rows at one position are a turn on the spot.
 
     Args:
         file: CSV file.
@@ -152,7 +154,9 @@ def read_route(file: str | FilePath, radius: float = 1.0) -> Path:
 
 
 def path_of(x: Array, y: Array, yaw: Array) -> Path:
-    """Make a path through poses. A turn on the spot is spread over a small part of the legs before and after it.
+    """Make a path through poses.
+
+    A turn on the spot is spread over a small part of the legs before and after it.
 
     Args:
         x, y: (n,) m.

@@ -14,7 +14,10 @@ from .jacobian import ContactState, batch_shape, contact_rows, ground_rates, rea
 
 @dataclass(frozen=True, eq=False)
 class Slip:
-    """Slip of the treads over the terrain. `roll` > 0: the wheel travels further than it rolls; `side` > 0: to its left."""
+    """Slip of the treads over the terrain.
+
+    `roll` > 0: the wheel travels further than it rolls; `side` > 0: to its left.
+    """
 
     roll: Array  # (..., 6) along the rolling direction, m/s
     side: Array  # (..., 6) across it, m/s
@@ -35,7 +38,9 @@ def wheel_slip(
     steering_rates: ArrayLike | None = None,
     steering: ArrayLike | None = None,
 ) -> Slip:
-    """Compute each wheel's slip from the body's true motion (visual odometry, a simulation) and the wheel rates.
+    """Compute each wheel's slip from the body's true twist and the wheel rates.
+
+    The true twist comes from visual odometry or a simulation, say.
 
     Args:
         rover: the pose's rover.

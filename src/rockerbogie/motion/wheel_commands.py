@@ -22,7 +22,7 @@ EDGE = 1e-6  # share of a step over which commands change from one rate to the n
 
 @dataclass(frozen=True, eq=False)
 class Commands:
-    """Commands to the motors, the motion they make, and the part of the wanted motion that is given up."""
+    """Commands to the motors, the motion they make, and the rest of the wanted motion."""
 
     wheel_rates: Array  # (..., 6) of each motor, forward positive, rad/s
     steering: Array  # (..., 6) rad
@@ -45,7 +45,7 @@ def wheel_commands(
     wheel_rate_limit: float = np.inf,
     near: ArrayLike | None = None,
 ) -> Commands:
-    """Compute wheel rates and steering for a wanted twist, with no roll slip and the least side slip.
+    """Compute wheel rates and steering for a wanted twist, without roll slip.
 
     Of the twist, vx, vy and ωz are used; vz, ωx, ωy and the joint rates follow from the terrain, so that no wheel leaves it.
     Each wheel rate is that of its own contact: over a bump, the six differ.
@@ -93,7 +93,9 @@ def wheel_commands(
 
 
 def commands_along(run: xr.Dataset, *, wheel_rate_limit: float = np.inf, steering_rate_limit: float = np.inf) -> xr.Dataset:
-    """Compute commands over time for a run along a path; the rover slows down where a motor would be too fast.
+    """Compute commands over time for a run along a path.
+
+    The rover slows down where a motor would exceed its largest rate.
 
     Args:
         run: from `drive`: `wheel_rate` and `steering` (time, wheel).
@@ -151,7 +153,9 @@ def straight(speed: float) -> Array:
 
 
 def arc(rover: Rover, speed: float, radius: float) -> Array:
-    """Return the twist along an arc (Ackermann). The turning centre lies abeam of the wheels that do not steer.
+    """Return the twist along an arc (Ackermann).
+
+    The turning centre lies abeam of the wheels that do not steer.
 
     Args:
         rover: the mechanism.
@@ -197,7 +201,9 @@ def turn_in_place(rover: Rover, rate: float) -> Array:
 
 
 def turning_axis(rover: Rover) -> float:
-    """Return x of the turning centre with the least side slip: the mean over the wheels that do not steer.
+    """Return x of the turning centre with the least side slip.
+
+    It is the mean over the wheels that do not steer.
 
     Args:
         rover: the mechanism; if all wheels steer, its middle wheels are used.
@@ -210,7 +216,7 @@ def turning_axis(rover: Rover) -> float:
 
 
 def _on_terrain(rows: Array, wanted: Array) -> Array:
-    """Return the motion (..., 9) with the wanted vx, vy, ωz and no lift at any wheel; NaN where there is none."""
+    """Return the motion (..., 9) with the wanted vx, vy, ωz and no lift; NaN if there is none."""
     lift = rows[..., 2, :9]
     given, found = [0, 1, 5], [2, 3, 4, 6, 7, 8]
     right = -np.einsum("...ij,...j->...i", lift[..., given], wanted[..., given])
@@ -221,9 +227,10 @@ def _on_terrain(rows: Array, wanted: Array) -> Array:
 
 
 def _steer(rover: Rover, pose: ContactState, wanted: Array, near: ArrayLike | None, limit: Array) -> Array:
-    """Return the steering (..., 6) at which no steered wheel slips sideways; a wheel at rest keeps its angle.
+    """Return the steering (..., 6) at which no steered wheel slips sideways.
 
-    With `near`, a wheel whose nearest angle is beyond `limit` gets the angle half a turn from it, if that is within the limit.
+    A wheel at rest keeps its angle. With `near`, a wheel whose nearest angle is beyond `limit` gets the angle half a turn
+    from it, if that is within the limit.
     """
     if near is None:
         return _turn_to_rolling(rover, pose, wanted, np.zeros(6))
@@ -235,7 +242,7 @@ def _steer(rover: Rover, pose: ContactState, wanted: Array, near: ArrayLike | No
 
 
 def _turn_to_rolling(rover: Rover, pose: ContactState, wanted: Array, turn: Array) -> Array:
-    """Return the steering (..., 6) without side slip that is nearest to the starting angles `turn` (..., 6)."""
+    """Return the steering (..., 6) without side slip that is nearest to `turn` (..., 6)."""
     for _ in range(ITERATIONS):
         rows = contact_rows(rover, pose, turn)
         going = np.einsum("...ijk,...k->...ij", rows[..., :2, :9], _on_terrain(rows, wanted))

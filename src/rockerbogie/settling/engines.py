@@ -1,4 +1,4 @@
-"""Table of the settle engines: which kernels solve a batch in a given mode, interpolation and engine."""
+"""Table of the settle engines: mode, interpolation and engine -> kernels."""
 
 from __future__ import annotations
 
@@ -55,6 +55,9 @@ def use_engine(engine: Engine) -> Iterator[None]:
 
     Args:
         engine: "simd" (default: 16 poses at once, the rest by the scalar engine) or "scalar".
+
+    Yields:
+        None.
     """
     token = _engine.set(engine)
     try:
@@ -64,13 +67,13 @@ def use_engine(engine: Engine) -> Iterator[None]:
 
 
 def _contact_cubic(poses: Batch) -> None:
-    """Solve in contact mode on cubic terrain with SIMD lanes; poses they leave go to the scalar engine."""
+    """Solve in contact mode on cubic terrain: SIMD lanes, then the scalar engine for the rest."""
     parallel_for(batch.settle_cubic, poses.status.size, *_inputs(poses))
     _contact_left(poses)
 
 
 def _contact_linear(poses: Batch) -> None:
-    """Solve in contact mode on bilinear terrain with SIMD lanes; poses they leave go to the scalar engine."""
+    """Solve in contact mode on bilinear terrain: SIMD lanes, then the scalar engine."""
     order = _by_heading(poses.yaw) if poses.rover.wheel_width.any() else np.arange(poses.status.size)
     parallel_for(batch.settle_linear, poses.status.size, *_inputs(poses), order)
     _contact_left(poses)

@@ -110,7 +110,10 @@ class Pose:
 
     @property
     def rocker(self) -> Array:
-        """(...) left rocker angle, nose down positive, rad; the right one is `rover.right_rocker(rocker)`."""
+        """(...) left rocker angle, nose down positive, rad.
+
+        The right one is `rover.right_rocker(rocker)`.
+        """
         return self.q[..., 3]
 
     @property
@@ -130,7 +133,7 @@ class Pose:
 
     @cached_property
     def axle_frames(self) -> Array:
-        """(..., 6, 4, 4) T_body_axle of each wheel (eqs 2-4), as `wheel_frames` returns it; read-only."""
+        """(..., 6, 4, 4) T_body_axle of each wheel (eqs 2-4), read-only."""
         frames = wheel_frames(self.rover, self.rocker, self.bogie, self.steering)
         frames.setflags(write=False)
         return frames
@@ -171,27 +174,36 @@ class Pose:
 
     @property
     def contact_point(self) -> Array:
-        """(..., 6, 3) in the world, m. If the contact spans the tread's width, its middle; off the ground, as `contact_angle`."""
+        """(..., 6, 3) contact point in the world, m.
+
+        If the contact spans the tread's width, this is its middle. For a wheel off the ground, see `contact_angle`.
+        """
         return self.contacts.point
 
     @property
     def contact_normal(self) -> Array:
-        """(..., 6, 3) unit normal at the contact, from the terrain into the wheel. At an edge or a peak, the tread's normal."""
+        """(..., 6, 3) unit normal at the contact, from the terrain into the wheel.
+
+        At an edge or a peak of the terrain it is the tread's normal.
+        """
         return self.contacts.normal
 
     @property
     def contact_count(self) -> NDArray[np.int64]:
-        """(..., 6) number of separate contacts of each tread: 2 if the wheel spans a gap between rocks, 0 off the ground."""
+        """(..., 6) number of separate contacts of each tread: 2 between two rocks, 0 off the ground."""
         return self.contacts.patches
 
     @property
     def support(self) -> Array:
-        """(..., 6) frictionless contact force of each wheel, N. Earth's gravity: scale by g/9.80665. Equilibrium mode only."""
+        """(..., 6) frictionless contact force of each wheel, N; equilibrium mode only.
+
+        Gravity is Earth's: scale by g/9.80665.
+        """
         return np.asarray(self._report(equilibrium.R_FORCE, 6) * self.rover.mass * GRAVITY)
 
     @property
     def belly_support(self) -> Array:
-        """(...) frictionless contact force on the body's box, N, as `support`. Equilibrium mode only."""
+        """(...) frictionless contact force on the body's box, N; equilibrium mode only."""
         return self._report(equilibrium.R_BELLY, 1)[..., 0] * self.rover.mass * GRAVITY
 
     @property
@@ -203,7 +215,10 @@ class Pose:
 
     @property
     def joint_stop(self) -> NDArray[np.int8]:
-        """(..., 3) rocker, bogie left, bogie right: -1 or +1 if at (in contact mode: beyond) the low or high limit, else 0."""
+        """(..., 3) rocker, bogie left, bogie right: -1 or +1 at the low or high limit, else 0.
+
+        In contact mode a joint may be beyond its limit.
+        """
         low = np.array([self.rover.rocker_limits[0], *[self.rover.bogie_limits[0]] * 2]) + STOPPED
         high = np.array([self.rover.rocker_limits[1], *[self.rover.bogie_limits[1]] * 2]) - STOPPED
         return ((self.q[..., 3:] >= high).astype(np.int8) - (self.q[..., 3:] <= low)).astype(np.int8)
@@ -216,7 +231,10 @@ class Pose:
 
     @cached_property
     def clearance(self) -> Array:
-        """(...) least height of the body's box above the terrain, m; NaN if the box reaches over the edge of the map."""
+        """(...) least height of the body's box above the terrain, m.
+
+        NaN if the box reaches over the edge of the map.
+        """
         n = self.status.size
         out = np.empty(n)
         parallel_for(

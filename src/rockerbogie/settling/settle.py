@@ -30,10 +30,10 @@ def settle(
     steering: ArrayLike | None = None,
     mode: Mode = "contact",
 ) -> Pose:
-    """Solve for the rover's pose at (x, y) and yaw: eqs 13-16, with exact contact over the whole tread.
+    """Solve for the rover's pose at (x, y) and yaw.
 
-    `settle` does not raise for difficult terrain. A pose that cannot be computed is NaN, and its `status` gives the reason
-    (`rockerbogie.Status`).
+    These are eqs 13-16 with exact contact over the whole tread. `settle` does not raise for difficult terrain. A pose that
+    cannot be computed is NaN, and its `status` gives the reason (`rockerbogie.Status`).
 
     Args:
         rover: the mechanism.

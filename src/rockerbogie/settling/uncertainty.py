@@ -1,4 +1,4 @@
-"""Uncertainty of predicted attitude: poses on random terrain and at random positions drawn from the given uncertainties."""
+"""Uncertainty of predicted attitude, from poses on random terrain at random positions."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MOVED, TURNED, MOST_PLACES = 0.5, 0.25, 300
 
 @dataclass(frozen=True)
 class Doubt:
-    """Uncertainties of a prediction: position, height error of the terrain model, and relief that the model lacks."""
+    """Uncertainties of a prediction: position, height error, and missing relief."""
 
     position_sigma: float  # standard deviation of x and of y, m
     height_sigma: float  # standard deviation of the model's heights, m
@@ -146,7 +146,9 @@ def limits(sampled: Array, level: float) -> Array:
 
 
 def interval_score(low: Array, high: Array, value: Array, level: float) -> Array:
-    """Return the interval score (Gneiting and Raftery 2007, eq. 43), which is least on average for the true interval.
+    """Return the interval score (Gneiting and Raftery 2007, eq. 43).
+
+    Its mean is least for the true interval.
 
     Args:
         low, high: (...) ends of the interval.
@@ -160,7 +162,7 @@ def interval_score(low: Array, high: Array, value: Array, level: float) -> Array
 
 
 def fit_factors(scores: Array, x: Array, y: Array, apart: float) -> tuple[Array, float]:
-    """Choose the factor with the least score, for each position from the positions more than `apart` away from it.
+    """Choose the factor with the least score for each position, from far positions only.
 
     Args:
         scores: (p, factors); NaN counts as 0.
