@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from typing import Any
 
 import numpy as np
@@ -112,78 +111,6 @@ def test_replace_checks_again() -> None:
     assert rover.wheel_width[0] == 0.05
     with pytest.raises(rb.RoverError, match="wheel_width is -0.2 m"):
         rover.replace(wheel_width=np.full(6, -0.2))
-
-
-def moved_hubs(rover: rb.Rover, by: float = 0.5) -> np.ndarray:
-    """Return the rover's hubs with its rocker wheels moved forward, m."""
-    return rover.hubs + np.outer([1, 1, 0, 0, 0, 0], [by, 0, 0])
-
-
-def test_derived_masses_follow_the_lengths() -> None:
-    """Rocker wheels moved by 0.5 m: the rover is the one that `from_pivots` makes for the new hubs, at the same mass."""
-    given = PIVOTS | {"hubs": np.multiply(PIVOTS["hubs"], (-1, 1, 1)), "bogie_pivot": (-0.25, 0.25, 0)}
-    rover = rb.Rover.from_pivots(**given, mass=50.0)
-    moved = rover.replace(hubs=moved_hubs(rover))
-    made = rb.Rover.from_pivots(**given | {"hubs": moved.hubs}, mass=50.0)
-    assert_close(moved.mass, 50.0, 1e-12, "kg", "the total is kept")
-    assert_close(moved.wheels[0].com, moved.hubs[0], 1e-12, "m", "the wheel's mass is at its hub")
-    for own, fresh in zip(moved.links, made.links, strict=True):
-        assert_close(own.com, fresh.com, 1e-12, "m", "centres follow the rule of thumb")
-        assert_close(own.inertia, fresh.inertia, 1e-12, "kg m²", "inertias too")
-    assert_close(moved.body_box, made.body_box, 1e-12, "m", "the default box follows too")
-    assert_close(rover.replace(rocker_limits=(-0.3, 0.3)).wheels[0].com, rover.hubs[0], 0.0, "m", "other changes touch no mass")
-
-
-def test_given_masses_are_kept_knowingly() -> None:
-    body = rb.Link(20.0, np.array([0.1, 0.0, 0.2]), np.eye(3))
-    wheels = [rb.Link(2.0, hub + (0.0, 0.01, 0.0), np.eye(3)) for hub in rb.Rover.from_pivots(**PIVOTS).hubs]
-    rover = rb.Rover.from_pivots(**PIVOTS, mass=50.0, body=body, wheels=wheels)
-    with pytest.warns(UserWarning, match=r"given masses of body, wheels stay where they were; .* masses='keep'"):
-        moved = rover.replace(hubs=moved_hubs(rover, -0.2))
-    assert_close(moved.wheels[0].com, rover.wheels[0].com, 0.0, "m", "as given")
-    assert not np.array_equal(moved.rockers[0].com, rover.rockers[0].com), "derived ones follow"
-    kept = rover.replace(hubs=moved_hubs(rover, -0.2), masses="keep")
-    assert kept.rockers[0] is rover.rockers[0]
-    derived = rover.replace(hubs=moved_hubs(rover, -0.2), masses="derive")
-    made = rb.Rover.from_pivots(**PIVOTS | {"hubs": derived.hubs}, mass=rover.mass)
-    for own, fresh in zip(derived.links, made.links, strict=True):
-        assert_close(own.com, fresh.com, 1e-12, "m", "all shared anew")
-        assert_close(own.mass, fresh.mass, 1e-12, "kg", "all shared anew")
-    with pytest.raises(rb.RoverError, match="masses is 'all'; give 'auto', 'keep' or 'derive'"):
-        rover.replace(masses="all")  # type: ignore[arg-type]
-    with pytest.raises(rb.RoverError, match="no field named 'hub'; did you mean 'hubs'"):
-        rover.replace(hub=rover.hubs)
-
-
-def test_replace_takes_short_shapes() -> None:
-    rover = rb.Rover.from_pivots(**PIVOTS)
-    short = rover.replace(wheel_radius=0.09, rocker_pivot=(0.01, 0.25, 0.1), steers=(1, 0, 1), rocker_limits=(-0.4, 0.3))
-    assert_close(short.wheel_radius, np.full(6, 0.09), 0.0, "m", "one radius for all")
-    assert_close(short.rocker_pivot[1], (0.01, -0.25, 0.1), 0.0, "m", "mirrored")
-    assert short.steers.tolist() == [True, True, False, False, True, True]
-    with pytest.raises(rb.RoverError, match="hubs has shape"):
-        rover.replace(hubs=(1, 2, 3))
-
-
-def test_arrays_are_read_only_copies() -> None:
-    hubs = rb.Rover.from_pivots(**PIVOTS).hubs.copy()
-    rover = rb.Rover.from_pivots(**PIVOTS | {"hubs": hubs})
-    hubs[0] = 9.0
-    assert rover.hubs[0, 0] != 9.0
-    again = pickle.loads(pickle.dumps(rover))
-    for made in (rover, again, rover.replace(wheel_width=0.1)):
-        for array in (made.hubs, made.steers, made.body_box, made.differential, made.body.com, made.wheels[0].inertia):
-            with pytest.raises(ValueError, match="read-only"):
-                array[...] = 0
-    assert_close(again.packed, rover.packed, 0.0, "", "pickled and back")
-
-
-def test_repr_is_short() -> None:
-    rover = rb.Rover.from_pivots(**PIVOTS | {"name": "a<b"})
-    assert repr(rover) == f"<Rover a<b: wheelbase 0.7 m, wheel radius 0.1 m, 6 of 6 wheels steer, {rover.mass:.4g} kg>"
-    table = rover._repr_html_()
-    assert "a&lt;b" in table
-    assert table.count("<tr>") == 9
 
 
 CLOSE = [(-0.3, 0.3, -0.2), (0.25, 0.3, -0.2), (0.4, 0.3, -0.2)]

@@ -1,0 +1,265 @@
+"""Text of the package in plain technical English: docstrings, retired words, documented arguments and results.
+
+Counts in `REMAINING` are text that is still to be rewritten. They may only fall: lower them together with the text.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "src" / "rockerbogie"
+#: This file names the retired words.
+SKIPPED = {Path(__file__).resolve()}
+
+BANNED_OPENING = re.compile(r"(What|Whether|Where|How|Which|Nothing|None|As|Of)\b")
+LONGEST_FIRST_LINE = 90
+RETIRED = (
+    "nought", "hair", "mend", "mends", "mended", "mending", "overrule", "overrules", "overruled", "hollow", "hollows", "arched",
+    "hanging", "hangs", "in the air", "let down", "least place", "hole", "holes", "bend", "bends", "last word", "way down",
+    "way out", "roof", "knee", "knees", "the land", "leans", "stance",
+)  # fmt: skip
+WORD = re.compile(rf"(?<![\w.`\"'])({'|'.join(RETIRED)})(?![\w`\"'(=])", re.IGNORECASE)
+#: Rule -> folder -> number of places that break it. A folder that is not listed has none.
+REMAINING: dict[str, dict[str, int]] = {
+    "opening": {
+        "docs": 2,
+        "examples": 3,
+        "src/rockerbogie/_kernels": 34,
+        "src/rockerbogie/bench": 8,
+        "src/rockerbogie/cli": 4,
+        "src/rockerbogie/figures": 7,
+        "src/rockerbogie/logs": 7,
+        "src/rockerbogie/maps": 26,
+        "src/rockerbogie/paper": 11,
+        "src/rockerbogie/rover": 8,
+        "src/rockerbogie/simulation": 7,
+        "src/rockerbogie/terrain": 4,
+        "tests": 4,
+        "tests/bench": 1,
+        "tests/cli": 2,
+        "tests/kernels": 2,
+        "tests/paper": 1,
+        "tests/support": 15,
+    },
+    "first line": {
+        "docs": 11,
+        "examples": 7,
+        "src/rockerbogie": 5,
+        "src/rockerbogie/_kernels": 120,
+        "src/rockerbogie/bench": 15,
+        "src/rockerbogie/cli": 22,
+        "src/rockerbogie/figures": 28,
+        "src/rockerbogie/logs": 21,
+        "src/rockerbogie/maps": 38,
+        "src/rockerbogie/paper": 21,
+        "src/rockerbogie/rover": 100,
+        "src/rockerbogie/settling": 1,
+        "src/rockerbogie/simulation": 16,
+        "src/rockerbogie/terrain": 42,
+        "tests": 19,
+        "tests/cli": 7,
+        "tests/figures": 2,
+        "tests/fuzz": 1,
+        "tests/kernels": 27,
+        "tests/logs": 5,
+        "tests/maps": 13,
+        "tests/motion": 10,
+        "tests/paper": 3,
+        "tests/rover": 26,
+        "tests/settling": 11,
+        "tests/simulation": 13,
+        "tests/support": 64,
+        "tests/terrain": 3,
+        "tools": 15,
+    },
+    "retired word": {
+        "README.md": 5,
+        "docs": 55,
+        "src/rockerbogie/_kernels": 155,
+        "src/rockerbogie/bench": 2,
+        "src/rockerbogie/cli": 8,
+        "src/rockerbogie/figures": 37,
+        "src/rockerbogie/logs": 10,
+        "src/rockerbogie/maps": 11,
+        "src/rockerbogie/motion": 1,
+        "src/rockerbogie/paper": 7,
+        "src/rockerbogie/rover": 5,
+        "src/rockerbogie/simulation": 8,
+        "src/rockerbogie/terrain": 13,
+        "tests": 11,
+        "tests/cli": 3,
+        "tests/figures": 4,
+        "tests/kernels": 27,
+        "tests/logs": 1,
+        "tests/maps": 8,
+        "tests/motion": 8,
+        "tests/rover": 4,
+        "tests/settling": 8,
+        "tests/simulation": 3,
+        "tests/support": 48,
+        "tests/terrain": 8,
+    },
+    "Args and Returns": {
+        "src/rockerbogie": 4,
+        "src/rockerbogie/bench": 21,
+        "src/rockerbogie/cli": 10,
+        "src/rockerbogie/figures": 34,
+        "src/rockerbogie/logs": 6,
+        "src/rockerbogie/maps": 66,
+        "src/rockerbogie/paper": 16,
+        "src/rockerbogie/rover": 74,
+        "src/rockerbogie/settling": 1,
+        "src/rockerbogie/simulation": 16,
+        "src/rockerbogie/terrain": 42,
+    },
+    "kernel Args": {
+        "src/rockerbogie/_kernels": 165,
+    },
+}
+
+
+class Place(NamedTuple):
+    """Place where a rule is broken."""
+
+    file: Path
+    line: int
+    text: str
+
+    @property
+    def folder(self) -> str:
+        """Top folder by which `REMAINING` counts."""
+        parts = self.file.relative_to(ROOT).parts
+        return "/".join(
+            parts[:3] if parts[:2] == ("src", "rockerbogie") and len(parts) > 3 else parts[: max(1, min(2, len(parts) - 1))]
+        )
+
+
+def files(*patterns: str) -> list[Path]:
+    """Return the text files of the project that match."""
+    found = {path for pattern in patterns for path in ROOT.glob(pattern)}
+    return sorted(path for path in found if path.resolve() not in SKIPPED and "_build" not in path.parts)
+
+
+PYTHON = files("src/**/*.py", "tests/**/*.py", "docs/*.py", "examples/*.py", "tools/*.py")
+Documented = ast.Module | ast.ClassDef | ast.FunctionDef
+
+
+def documented(file: Path) -> Iterator[tuple[Documented, str, bool]]:
+    """Yield each module, class and function of a file with its docstring, and True if all names on its path are public."""
+
+    def walk(node: Documented, public: bool) -> Iterator[tuple[Documented, str, bool]]:
+        yield node, ast.get_docstring(node) or "", public
+        for child in node.body:
+            if isinstance(child, ast.ClassDef | ast.FunctionDef):
+                yield from walk(child, public and not child.name.startswith("_") and not isinstance(node, ast.FunctionDef))
+
+    yield from walk(ast.parse(file.read_text(encoding="utf-8")), True)
+
+
+def arguments(node: ast.FunctionDef) -> list[str]:
+    """Return the names of a function's arguments, without self and cls."""
+    a = node.args
+    every = [*a.posonlyargs, *a.args, *([a.vararg] if a.vararg else []), *a.kwonlyargs, *([a.kwarg] if a.kwarg else [])]
+    return [arg.arg for arg in every if arg.arg not in ("self", "cls")]
+
+
+def returns_value(node: ast.FunctionDef) -> bool:
+    """Return True if the annotation of the result is not None."""
+    return node.returns is not None and ast.unparse(node.returns) not in ("None", "NoReturn")
+
+
+def is_property(node: ast.FunctionDef) -> bool:
+    """Return True for properties, cached ones too."""
+    return any("property" in ast.unparse(decorator) for decorator in node.decorator_list)
+
+
+def openings() -> Iterator[Place]:
+    """Yield docstrings that start with a banned word."""
+    for file in PYTHON:
+        for node, text, _ in documented(file):
+            if BANNED_OPENING.match(text):
+                yield Place(file, getattr(node, "lineno", 1), text.splitlines()[0])
+
+
+def long_first_lines() -> Iterator[Place]:
+    """Yield docstrings whose first line is too long, in the package."""
+    for file in PYTHON:
+        for node, text, _ in documented(file):
+            if len(text.partition("\n")[0]) > LONGEST_FIRST_LINE:
+                yield Place(file, getattr(node, "lineno", 1), text.splitlines()[0])
+
+
+def retired_words() -> Iterator[Place]:
+    """Yield lines with a retired word."""
+    for file in files("src/**/*.py", "src/**/*.md", "src/**/*.toml", "docs/*.md", "docs/*.py", "README.md", "tests/**/*.py"):
+        for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), 1):
+            if found := WORD.search(line):
+                yield Place(file, number, f"{found[1]!r} in {line.strip()}")
+
+
+def undocumented() -> Iterator[Place]:
+    """Yield public functions and methods of the package without Args or Returns; kernels are another rule."""
+    for file in files("src/**/*.py"):
+        inside = file.relative_to(PACKAGE).parts
+        if inside[0] == "_kernels":
+            continue
+        for node, text, public in documented(file):
+            command = "\nParameters\n----------\n" in text  # of the command line, whose result is an exit code
+            if not public or command or not isinstance(node, ast.FunctionDef) or is_property(node):
+                continue
+            missing = [
+                section
+                for section, needed in (("Args", arguments(node)), ("Returns", returns_value(node)))
+                if needed and f"\n{section}:\n" not in text and not (section == "Returns" and "\nYields:\n" in text)
+            ]
+            if missing:
+                yield Place(file, node.lineno, f"{node.name} has no {' and no '.join(missing)}")
+
+
+def undocumented_kernels() -> Iterator[Place]:
+    """Yield kernel functions with arguments and without Args."""
+    for file in files("src/rockerbogie/_kernels/**/*.py"):
+        for node, text, _ in documented(file):
+            if isinstance(node, ast.FunctionDef) and arguments(node) and "\nArgs:\n" not in text:
+                yield Place(file, node.lineno, f"{node.name} has no Args")
+
+
+RULES = {
+    "opening": openings,
+    "first line": long_first_lines,
+    "retired word": retired_words,
+    "Args and Returns": undocumented,
+    "kernel Args": undocumented_kernels,
+}
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_text_follows_the_rule(rule: str) -> None:
+    places = list(RULES[rule]())
+    counts = Counter(place.folder for place in places)
+    allowed = REMAINING.get(rule, {})
+    over = {folder: count for folder, count in counts.items() if count > allowed.get(folder, 0)}
+    lines = [f"{p.file.relative_to(ROOT)}:{p.line}: {p.text[:110]}" for p in places if p.folder in over]
+    assert not over, f"{rule}: {over}, allowed {allowed}\n" + "\n".join(lines)
+
+
+def test_the_rules_find_what_they_forbid(tmp_path: Path) -> None:
+    assert BANNED_OPENING.match("Whether it touches.")
+    assert not BANNED_OPENING.match("Assert something.")
+    assert WORD.search("the wheel hangs there")
+    assert WORD.search("Six wheels, let down slowly")
+    assert not WORD.search("a wholesale chair; `hole` in code; legend")
+    sample = tmp_path / "sample.py"
+    sample.write_text('def f(a: int) -> int:\n    """Return a."""\n\n\ndef _g():\n    """Do it."""\n', encoding="utf-8")
+    found = list(documented(sample))
+    assert [public for _, _, public in found] == [True, True, False]
+    assert arguments(found[1][0]) == ["a"]  # type: ignore[arg-type]
+    assert returns_value(found[1][0])  # type: ignore[arg-type]
