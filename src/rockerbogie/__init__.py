@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from .errors import RockerbogieError as RockerbogieError
     from .errors import RoverError as RoverError
     from .errors import TerrainError as TerrainError
+    from .errors import TerrainWarning as TerrainWarning
     from .logs.attitude_log import LogMap as LogMap
     from .logs.attitude_log import read_places as read_places
     from .logs.joint_log import read_log as read_log
@@ -89,6 +90,7 @@ _EXPORTS = {
     "RockerbogieError": "errors",
     "RoverError": "errors",
     "TerrainError": "errors",
+    "TerrainWarning": "errors",
     "PathError": "errors",
     "Status": "settling.status",
     "Rover": "rover.model",

@@ -18,6 +18,10 @@ class TerrainError(RockerbogieError):
     """Terrain that cannot be read, or that is not a height field."""
 
 
+class TerrainWarning(UserWarning):
+    """Terrain whose file is doubtful: undeclared missing data, zeros beside cliffs, coarse steps, a stretched projection."""
+
+
 class PathError(RockerbogieError):
     """Path that cannot be driven: too few points, not finite, or off the map."""
 

@@ -11,9 +11,10 @@ import pytest
 import rockerbogie as rb
 from rockerbogie.maps import ground as filed_ground
 from rockerbogie.maps.ground import Span, hold_ground, nodes_under, open_ground, reach
-from rockerbogie.terrain import heightfield as terrain_module
 from rockerbogie.terrain import spline
-from rockerbogie.terrain.heightfield import MapExtent, Terrain, build_window, crop, nodes_needed
+from rockerbogie.terrain import window as terrain_module
+from rockerbogie.terrain.heightfield import Terrain, assemble, build_window, crop
+from rockerbogie.terrain.window import Derived, MapExtent, nodes_needed
 from support.helpers import paper_rover
 
 KINDS = ("linear", "cubic")
@@ -109,9 +110,8 @@ def test_no_node_beside_a_window_is_read(kind: Any) -> None:
     buried[20:-20] = bare.grid
     upper_bound = np.full((bare.upper_bound.shape[0] + 40, bare.upper_bound.shape[1]), np.nan)
     upper_bound[20:-20] = bare.upper_bound
-    window = rb.Terrain(
-        bare.z, bare.spacing, bare.origin, bare.interpolation, bare.crs, bare.name, buried[20:-20], upper_bound[20:-20], bare.meta
-    )
+    derived = Derived(buried[20:-20], upper_bound[20:-20], bare.meta)
+    window = assemble(bare.z, bare.spacing, bare.origin, bare.interpolation, bare.crs, bare.name, derived)
     for mode in ("contact", "equilibrium"):
         here, there = (rb.settle(rover, t, x, y, yaw, mode=mode) for t in (terrain, window))  # type: ignore[arg-type]
         assert np.isfinite(here.z).any()
@@ -175,7 +175,7 @@ def test_the_reference_height_of_a_file_is_the_terrains(tmp_path: Any, monkeypat
             path = tmp_path / "ground.tif"
             place = rasterio.Affine(STEP[0], 0, ORIGIN[0], 0, -STEP[1], ORIGIN[1])
             profile = {"height": SHAPE[0], "width": SHAPE[1], "count": 1, "dtype": "float64", "nodata": np.nan}
-            with rasterio.open(path, "w", driver="GTiff", crs="EPSG:32633", transform=place, **profile) as raster:
+            with rasterio.open(path, "w", driver="GTiff", transform=place, **profile) as raster:
                 raster.write(z[::-1], 1)
             terrain, filed = Terrain.from_raster(path, interpolation="linear"), open_ground(path, 1, "linear")
             assert filed.whole == hold_ground(terrain).whole

@@ -137,7 +137,7 @@ def draw_terrain(
     family: str,
     rng: np.random.Generator,
     rover: rb.Rover,
-    interpolation: rb.terrain.heightfield.Interpolation,
+    interpolation: rb.terrain.Interpolation,
     holes: bool = False,
 ) -> rb.Terrain:
     """Return ground of a family for a rover: cells of 1/40 to 4 wheel diameters, amplitudes up to a wheel radius or more.
@@ -194,9 +194,7 @@ def draw_places(rng: np.random.Generator, rover: rb.Rover, terrain: rb.Terrain, 
     return x, y, yaw, steering
 
 
-def draw_case(
-    seed: int, family: str, interpolation: rb.terrain.heightfield.Interpolation, count: int, holes: bool = False
-) -> Case:
+def draw_case(seed: int, family: str, interpolation: rb.terrain.Interpolation, count: int, holes: bool = False) -> Case:
     """Return the case of a seed: the same one for the same arguments."""
     rng = np.random.default_rng([seed, FAMILIES.index(family), interpolation == "cubic", holes])
     rover = draw_rover(rng)

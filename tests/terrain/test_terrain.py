@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy.interpolate import RectBivariateSpline, RegularGridInterpolator
 
 import rockerbogie as rb
 from rockerbogie._kernels.model import ground
-from rockerbogie.terrain.heightfield import Datum
+from rockerbogie.terrain.window import Datum
 from support.helpers import assert_close
 
 KINDS = ("cubic", "linear")
@@ -214,9 +215,9 @@ def test_the_array_given_is_not_touched_and_the_terrain_keeps_its_own() -> None:
     ("arguments", "sentence"),
     [
         ({"interpolation": "quintic"}, "interpolation 'quintic' is not known; give 'cubic' or 'linear'"),
-        ({"z": np.zeros(5)}, r"heights have shape \(5,\); cubic ground needs \(rows, cols\) of at least 4 each"),
-        ({"z": np.zeros((3, 9))}, r"heights have shape \(3, 9\); cubic ground needs \(rows, cols\) of at least 4 each"),
-        ({"z": np.zeros((1, 9)), "interpolation": "linear"}, r"shape \(1, 9\); linear ground needs .* at least 2 each"),
+        ({"z": np.zeros(5)}, r"heights have shape \(5,\); cubic terrain needs \(rows, cols\) of at least 4 each"),
+        ({"z": np.zeros((3, 9))}, r"heights have shape \(3, 9\); cubic terrain needs \(rows, cols\) of at least 4 each"),
+        ({"z": np.zeros((1, 9)), "interpolation": "linear"}, r"shape \(1, 9\); linear terrain needs .* at least 2 each"),
         ({"z": np.zeros((2, 9, 9))}, r"heights have shape \(2, 9, 9\)"),
         ({"spacing": 0.0}, "spacing is 0.0; give one finite step above 0, or two"),
         ({"spacing": (0.1, -0.1)}, r"spacing is \(0.1, -0.1\); give one finite step above 0"),
@@ -265,6 +266,29 @@ def test_what_a_mask_hides_is_unknown_ground() -> None:
     assert terrain.height(1.0, 2.0) == 0
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_replacing_heights_makes_a_new_surface(kind: Any) -> None:
+    """Arrays for the kernels are derived from the fields: they cannot be passed, and follow every change."""
+    terrain = rb.Terrain.from_array(rough(1), 0.3, (5.0, 7.0), kind, crs="EPSG:32633", name="old")
+    changed = replace(terrain, z=rough(2) + 40.0, origin=(6.0, 7.0))
+    fresh = rb.Terrain.from_array(rough(2) + 40.0, 0.3, (6.0, 7.0), kind, crs="EPSG:32633", name="old")
+    x, y = anywhere(fresh)
+    assert_close(changed.height(x, y), fresh.height(x, y), 0, "m", "the surface of the new heights")
+    assert (changed.crs, changed.name) == (fresh.crs, fresh.name)
+    assert np.array_equal(changed.meta, fresh.meta)
+    with pytest.raises(TypeError, match="meta"):
+        rb.Terrain(terrain.z, terrain.spacing, meta=terrain.meta)  # type: ignore[call-arg]
+    with pytest.raises(rb.TerrainError, match="spacing is"):
+        replace(terrain, spacing=(0.0, 1.0))
+
+
+def test_suspicious_extremes_of_an_array_cause_a_warning() -> None:
+    z = rough(3)
+    z[2, 3] = -9999.0
+    with pytest.warns(rb.TerrainWarning, match="terrain reaches -9999 m, which usually means missing data"):
+        rb.Terrain.from_array(z, 0.3)
+
+
 def test_complex_heights_are_refused() -> None:
     with pytest.raises(rb.RockerbogieError, match="complex"):
         rb.Terrain.from_array(np.zeros((5, 5), dtype=complex), 0.1)
@@ -279,7 +303,7 @@ def test_heights_may_be_radii_of_planets() -> None:
     assert_close(terrain.height(*np.meshgrid(terrain.x, terrain.y)), z, 1e-9, "m", "double precision resolves 1e-9 m there")
 
 
-@pytest.mark.filterwarnings("error")
+@pytest.mark.filterwarnings("error::RuntimeWarning", "ignore:terrain reaches")
 @pytest.mark.parametrize("interpolation", KINDS)
 def test_an_extreme_height_far_away_does_not_move_a_pose(interpolation: Any) -> None:
     """The reference height is a median: it does not depend on extremes."""

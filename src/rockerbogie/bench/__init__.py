@@ -10,7 +10,6 @@ import os
 import platform
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from time import perf_counter
 
 import numpy as np
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from .._kernels.jit.decorators import threads
 from ..settling.settle import settle
+from ..terrain.heightfield import Terrain
 from .baselines import drop_baseline, fsolve_baseline
 from .cases import Case, cases, places
 from .clock import best, timed
@@ -114,7 +114,7 @@ def _part(case: Case, x: Array, y: Array, yaw: Array, first: int) -> Callable[[]
 
 
 def figures(
-    poses: int = 10_000, baseline_poses: int = 20, drops: int = 2, raster: Path | None = None
+    poses: int = 10_000, baseline_poses: int = 20, drops: int = 2, raster: Terrain | None = None
 ) -> Iterator[tuple[str, int, dict[str, object]]]:
     """Time everything; yields (what was timed, how many steps there are, all figures so far) as each is done."""
     every = cases(raster)

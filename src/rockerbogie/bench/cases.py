@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +24,9 @@ class Case:
     terrain: Terrain
 
 
-def cases(raster: Path | None = None) -> list[Case]:
+def cases(raster: Terrain | None = None) -> list[Case]:
     """The named cases: smooth cubic ground, rough linear ground under thin discs, rocks under whole treads, Mars as maps
-    are made of it, and a raster file's ground if one is given."""
+    are made of it, and a raster file's ground (linear) if one is given."""
     percy, curiosity = load_rover("perseverance"), load_rover("curiosity")
     mars = surfaces.mars(1, size=200.0, spacing=1.0, k=0.0, smallest_crater=10.0, interpolation="cubic")
     every = [
@@ -39,7 +38,7 @@ def cases(raster: Path | None = None) -> list[Case]:
         Case("Mars 1 m linear, whole tread", curiosity, Terrain.from_array(mars.z, mars.spacing, mars.origin, "linear")),
     ]
     if raster is not None:
-        every.append(Case(f"{raster.name}, whole tread", curiosity, Terrain.from_raster(raster, interpolation="linear")))
+        every.append(Case(f"{raster.name}, whole tread", curiosity, raster))
     return every
 
 

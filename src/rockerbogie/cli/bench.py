@@ -15,6 +15,7 @@ from ..bench.tables import tables
 from ..errors import RockerbogieError
 from ..outputs import SOURCE
 from .common import Force, Json, guard_outputs, make_folder, print_json, progress
+from .rasters import Raster, load_terrain
 
 #: Between these lines of a page go the tables.
 MARK, END = "<!-- bench -->", "<!-- end of bench -->"
@@ -25,7 +26,8 @@ def bench(
     poses: int = 10_000,
     baseline_poses: int = 20,
     drops: int = 2,
-    terrain: Path | None = None,
+    terrain: str | None = None,
+    raster: Raster = None,
     save: Path | None = None,
     compare: Path | None = None,
     json: Json = False,
@@ -60,12 +62,13 @@ def bench(
             f"--poses is {poses}, --baseline-poses {baseline_poses} and --drops {drops}; give at least {stopwatch.GROUP}, 1 and 1"
         )
     guard_outputs([save] if save else [], terrain, compare, markdown, force=force)
+    ground = None if terrain is None else load_terrain(terrain, True, raster)
     before = _saved(compare) if compare else {}
     page = _page(markdown) if markdown else None
     figures: dict[str, Any] = {}
     with progress() as bar:
         task = bar.add_task("timing (the first run compiles)", total=None)
-        for name, count, done in stopwatch.figures(poses, baseline_poses, drops, terrain):
+        for name, count, done in stopwatch.figures(poses, baseline_poses, drops, ground):
             figures = done
             bar.update(task, total=count, advance=1, description=name)
     if save:

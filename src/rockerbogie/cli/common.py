@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from .._version import __version__
-from ..errors import RockerbogieError, TerrainError, unknown_name
+from ..errors import RockerbogieError
 from ..outputs import check_outputs, remove_sidecars
 
 if TYPE_CHECKING:
@@ -37,27 +37,6 @@ Folder = Annotated[Path | None, Parameter(name=["--output", "-o"])]
 Linear = Annotated[bool | None, Parameter(name="--linear", negative="--cubic")]
 Json = Annotated[bool, Parameter(name="--json", negative="")]
 Force = Annotated[bool, Parameter(name="--force", negative="")]
-
-
-def load_terrain(name: str, linear: bool | None) -> Terrain:
-    """The ground from a raster file, or `surface:NAME`. Not said linear or cubic: cubic for files, a surface's own way for it.
-
-    Raises:
-        TerrainError: no such file or surface, or a file that holds no height field.
-    """
-    from ..terrain import surfaces
-    from ..terrain.heightfield import Terrain
-
-    way: dict[str, Any] = {} if linear is None else {"interpolation": "linear" if linear else "cubic"}
-    if name.startswith(SURFACE):
-        wanted = name.removeprefix(SURFACE)
-        if wanted not in surfaces.__all__:
-            raise TerrainError(unknown_name("surface", wanted, surfaces.__all__))
-        terrain: Terrain = getattr(surfaces, wanted)(**way)
-        return terrain
-    if name in surfaces.__all__ and not Path(name).exists():
-        raise TerrainError(f"no file named {name!r}; did you mean the built-in surface {SURFACE + name!r}?")
-    return Terrain.from_raster(name, **way)
 
 
 def parse_point(text: str, option: str) -> tuple[float, float]:

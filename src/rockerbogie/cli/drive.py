@@ -34,7 +34,6 @@ from .common import (
     TerrainName,
     guard_outputs,
     in_folder,
-    load_terrain,
     make_folder,
     map_span,
     parse_point,
@@ -42,6 +41,7 @@ from .common import (
     progress,
     save_netcdf,
 )
+from .rasters import Raster, load_terrain
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -63,6 +63,7 @@ def drive(
     mode: Mode = "contact",
     continuous_steering: Annotated[bool, Parameter(name="--continuous-steering", negative="")] = False,
     linear: Linear = None,
+    raster: Raster = None,
     output: Folder = None,
     mcap: Annotated[bool, Parameter(name="--mcap", negative="")] = False,
     force: Force = False,
@@ -110,7 +111,7 @@ def drive(
         raise RockerbogieError("--mcap writes run.mcap into a folder: give one with -o")
     guard_outputs(written, terrain, rover, path, force=force)
     machine = load_rover(rover)
-    ground = load_terrain(terrain, linear)
+    ground = load_terrain(terrain, linear, raster)
     way = _path(path, radius, machine, ground)
     with progress() as bar:
         task = bar.add_task("driving", total=None)
@@ -141,6 +142,7 @@ def simulate(
     speed: float = 0.02,
     friction: float = 0.8,
     linear: Linear = None,
+    raster: Raster = None,
     output: Folder = None,
     force: Force = False,
     json: Json = False,
@@ -178,7 +180,7 @@ def simulate(
     written = in_folder(output, *_files("simulation"), "attitude.png", "joints.png")
     guard_outputs(written, terrain, rover, path, force=force)
     machine = load_rover(rover)
-    ground = load_terrain(terrain, linear)
+    ground = load_terrain(terrain, linear, raster)
     way = _path(path, radius, machine, ground)
     run = _on_map(drive_rover(machine, ground, way, speed), ground)
     with progress() as bar:

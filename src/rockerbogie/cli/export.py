@@ -11,7 +11,8 @@ from cyclopts import Parameter
 from ..errors import RockerbogieError
 from ..rover.formats import load_rover, to_sdf, to_toml, to_urdf
 from ..rover.formats.gazebo import WORLD_FILES, write_world
-from .common import Force, guard_outputs, in_folder, load_terrain, make_folder, middle, parse_point
+from .common import Force, guard_outputs, in_folder, make_folder, middle, parse_point
+from .rasters import Raster, load_terrain
 
 Format = Literal["urdf", "sdf", "mjcf", "toml", "world"]
 ENDINGS: dict[Format, str] = {"urdf": ".urdf", "sdf": ".sdf", "mjcf": ".xml", "toml": ".toml"}
@@ -29,6 +30,7 @@ def export(
     terrain: Annotated[str | None, Parameter(name=["--terrain", "-t"])] = None,
     at: str | None = None,
     yaw: float = 0.0,
+    raster: Raster = None,
     force: Force = False,
 ) -> None:
     """Write a rover for another program, its differential tied in that format's own way.
@@ -65,7 +67,7 @@ def export(
         raise RockerbogieError(f"--terrain belongs to a world or an MJCF, not to {chosen}")
     guard_outputs(in_folder(output, *WORLD_FILES) if chosen == "world" else [output], rover, terrain, force=force)
     machine = load_rover(rover)
-    ground = None if terrain is None else load_terrain(terrain, None)
+    ground = None if terrain is None else load_terrain(terrain, None, raster)
     if chosen == "world" and ground is not None:
         from ..settling.settle import settle
 

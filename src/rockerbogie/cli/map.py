@@ -21,16 +21,15 @@ from rich.table import Table
 
 from ..errors import RockerbogieError, unknown_name
 from ..maps.files import cell_size, check_place, write_map
-from ..maps.layers import LAYERS
+from ..maps.layers import LAYERS, chosen_layers
 from ..maps.limits import Limits
 from ..maps.preview import Tally, overview, tally
 from ..maps.store import check_store, discard_store
 from ..maps.style import write_style
 from ..maps.traversability import traversability
 from ..rover.formats import load_rover
-from ..terrain import surfaces
-from ..terrain.heightfield import Terrain
-from .common import SURFACE, Force, Json, Linear, RoverName, guard_outputs, load_terrain, make_folder, print_json, progress
+from .common import Force, Json, Linear, RoverName, guard_outputs, make_folder, print_json, progress
+from .rasters import Raster, RasterOptions, parse_bounds, raster_or_surface
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -56,7 +55,10 @@ def map_(
     bounds: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None,
     mode: Literal["contact", "equilibrium"] = "contact",
     linear: Linear = None,
+    raster: Raster = None,
+    layers: str | None = None,
     per_heading: Annotated[bool, Parameter(negative="")] = False,
+    chunk: int = 256,
     workers: int | None = None,
     scheduler: str | None = None,
     preview: bool = True,
@@ -102,8 +104,12 @@ def map_(
         contact: all six wheels touch. equilibrium: at rest under its own weight; wheels may hang.
     linear
         Bilinear ground between the nodes, or a smooth cubic surface. Default: cubic for files.
+    layers
+        Keep only these layers, comma-separated, beside passable and worst_exceeded. Default: all that the output can hold.
     per_heading
         Every heading's layers in the GeoTIFF too, after the summaries.
+    chunk
+        Cells a side of the part that a worker makes at once, a multiple of 128. It changes memory and time only.
     workers
         Processes on this machine. Default: as suits the size.
     scheduler
@@ -125,14 +131,15 @@ def map_(
         check_store(parts)
     machine = load_rover(rover)
     allowed = _limits(limits, tilt, pitch, roll, rocker, bogie, clearance)
-    ground = _ground(terrain, linear)
-    summaries = [name for name, layer in LAYERS.items() if not layer.per_heading]
+    chosen = _layers(layers, summaries_only=geotiff and not per_heading)
+    ground = raster_or_surface(terrain, linear, raster)
+    options = (raster or RasterOptions()).file_options
     make_folder(output.parent)
     began = time.perf_counter()
     with _told(parts) as (settling, writing):
         maps = traversability(
-            machine, ground, headings, resolution, allowed, bounds=_bounds(bounds), mode=mode,
-            layers=summaries if geotiff and not per_heading else None, interpolation="linear" if linear else "cubic",
+            machine, ground, headings, resolution, allowed, bounds=parse_bounds(bounds, "--bounds"), mode=mode,
+            layers=chosen, interpolation="linear" if linear else "cubic", chunk=chunk, **options,
             store=parts, workers=workers, scheduler=scheduler, progress=settling,
         )  # fmt: skip
         seconds = time.perf_counter() - began
@@ -148,7 +155,7 @@ def map_(
         from ..figures.style import save
         from ..figures.terrain_map import terrain_map
 
-        files.append(save(terrain_map(overview(maps, ground)), picture))
+        files.append(save(terrain_map(overview(maps, ground, **options)), picture))
     if json:
         print_json(_record(maps, counts, seconds) | {"files": files})
     else:
@@ -186,11 +193,25 @@ def _told(parts: Path | None) -> Iterator[tuple[Callable[[int, int], None], Call
             raise
 
 
-def _ground(name: str, linear: bool | None) -> Terrain | Path:
-    """A built-in surface in memory, or the file to read in windows."""
-    if name.startswith(SURFACE) or (name in surfaces.__all__ and not Path(name).exists()):
-        return load_terrain(name, linear)
-    return Path(name)
+def _layers(text: str | None, *, summaries_only: bool) -> list[str] | None:
+    """Return the layers to keep; None for all of them.
+
+    Args:
+        text: "tilt,clearance", or None.
+        summaries_only: keep no layer of single headings, as the output does not hold them.
+
+    Raises:
+        RockerbogieError: a name that is no layer, or a layer that the output does not hold.
+    """
+    held = [name for name, layer in LAYERS.items() if not (summaries_only and layer.per_heading)]
+    if text is None:
+        return held if summaries_only else None
+    names = chosen_layers([part.strip() for part in text.split(",")])
+    if missing := [name for name in names if name not in held]:
+        raise RockerbogieError(
+            f"--layers {', '.join(missing)}: a GeoTIFF holds layers of single headings only with --per-heading"
+        )
+    return list(dict.fromkeys([*names, "passable", "worst_exceeded"]))
 
 
 def _limits(name: str, *single: float | None) -> Limits:
@@ -218,16 +239,6 @@ def _from_toml(file: Path) -> Limits:
             raise RockerbogieError(f"{str(file)!r}: {key} is {value!r}; give a number")
         values[known[key]] = float(value) if key.endswith("_m") else float(np.radians(value))
     return Limits(**values)
-
-
-def _bounds(text: str | None) -> tuple[float, float, float, float] | None:
-    if text is None:
-        return None
-    try:
-        xmin, ymin, xmax, ymax = (float(part) for part in text.split(","))
-    except ValueError:
-        raise RockerbogieError(f"--bounds {text!r} is not xmin,ymin,xmax,ymax in metres, as in 0,0,500,300") from None
-    return xmin, ymin, xmax, ymax
 
 
 def _record(maps: xr.Dataset, counts: Tally, seconds: float) -> dict[str, Any]:

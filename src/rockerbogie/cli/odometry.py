@@ -25,12 +25,12 @@ from .common import (
     RoverName,
     guard_outputs,
     in_folder,
-    load_terrain,
     make_folder,
     print_json,
     progress,
     save_netcdf,
 )
+from .rasters import Raster, load_terrain
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -49,6 +49,7 @@ def odometry(
     soil: str | None = None,
     name: Names = None,
     linear: Linear = None,
+    raster: Raster = None,
     output: Folder = None,
     force: Force = False,
     json: Json = False,
@@ -86,7 +87,7 @@ def odometry(
     guard_outputs(written, log, rover, terrain, force=force)
     machine = load_rover(rover)
     readings = read_log(log, machine, names=_names(name or []))
-    ground = None if terrain is None else load_terrain(terrain, linear)
+    ground = None if terrain is None else load_terrain(terrain, linear, raster)
     begin = _numbers(start, "--start", (2, 3)) if start is not None else [_first(readings, axis) for axis in "xyz"]
     place = (begin[0], begin[1], begin[2] if len(begin) == 3 else 0.0)
     slip = None if soil is None else SlopeSlip(*_numbers(soil, "--soil", (2,)))

@@ -14,7 +14,8 @@ from ..maps.files import read_map
 from ..maps.plan import plan as plan_route
 from ..maps.preview import overview
 from ..rover.formats import load_rover
-from .common import SURFACE, Force, Json, guard_outputs, load_terrain, make_folder, print_json, progress
+from .common import Force, Json, guard_outputs, make_folder, print_json, progress
+from .rasters import Raster, RasterOptions, raster_or_surface
 
 Place = Annotated[tuple[float, float], Parameter(allow_leading_hyphen=True)]
 Heading = Annotated[float | None, Parameter(allow_leading_hyphen=True)]
@@ -35,6 +36,7 @@ def plan(
     turn_in_place: bool | None = None,
     backward: Annotated[bool, Parameter(negative="")] = False,
     terrain: Annotated[str | None, Parameter(name=["--terrain", "-t"])] = None,
+    raster: Raster = None,
     preview: bool = True,
     force: Force = False,
     json: Json = False,
@@ -97,8 +99,8 @@ def plan(
             from ..figures.style import save
             from ..figures.terrain_map import terrain_map
 
-            ground = None if terrain is None else load_terrain(terrain, None) if terrain.startswith(SURFACE) else Path(terrain)
-            files.append(save(terrain_map(overview(maps, ground), found), picture))
+            ground = None if terrain is None else raster_or_surface(terrain, None, raster)
+            files.append(save(terrain_map(overview(maps, ground, **(raster or RasterOptions()).file_options), found), picture))
     if json:
         names = ("x", "y", "yaw", "distance", "cost", "tilt")
         print_json({name: getattr(found, name) for name in names} | {"heading": found.yaw, "files": files})  # heading: old name

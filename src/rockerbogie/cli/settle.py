@@ -28,7 +28,6 @@ from .common import (
     TerrainName,
     guard_outputs,
     in_folder,
-    load_terrain,
     make_folder,
     map_span,
     middle,
@@ -36,6 +35,7 @@ from .common import (
     print_json,
     save_netcdf,
 )
+from .rasters import Raster, load_terrain
 
 #: Exit code if there is no pose: a result, not a wrong call.
 EXIT_NO_POSE = 1
@@ -50,6 +50,7 @@ def settle(
     steering: str | None = None,
     mode: Mode = "contact",
     linear: Linear = None,
+    raster: Raster = None,
     output: Folder = None,
     force: Force = False,
     json: Json = False,
@@ -84,7 +85,7 @@ def settle(
     """
     guard_outputs(in_folder(output, "pose.nc", "pose.png"), terrain, rover, force=force)
     machine = load_rover(rover)
-    ground = load_terrain(terrain, linear)
+    ground = load_terrain(terrain, linear, raster)
     x, y = middle(ground) if at is None else parse_point(at, "--at")
     pose = settle_rover(machine, ground, x, y, np.radians(yaw), steering=_steering(machine, steering), mode=mode)
     status = Status(int(pose.status))

@@ -28,13 +28,13 @@ from .common import (
     TerrainName,
     guard_outputs,
     in_folder,
-    load_terrain,
     make_folder,
     parse_point,
     print_json,
     progress,
     save_netcdf,
 )
+from .rasters import Raster, load_terrain
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -59,6 +59,7 @@ def validate(
     draws: int = 400,
     seed: int = 0,
     linear: Linear = None,
+    raster: Raster = None,
     output: Folder = None,
     force: Force = False,
     json: Json = False,
@@ -111,7 +112,7 @@ def validate(
     written = in_folder(output, *(f"validation.{kind}" for kind in ("png", "csv", "nc")))
     guard_outputs(written, terrain, log, rover, mapping, force=force)
     machine = load_rover(rover)
-    ground = load_terrain(terrain, True if linear is None and not terrain.startswith(SURFACE) else linear)
+    ground = load_terrain(terrain, True if linear is None and not terrain.startswith(SURFACE) else linear, raster)
     places = read_places(log, machine, _mapping(log, mapping, column or [], frame, origin))
     with progress() as bar:
         task = bar.add_task("settling on drawn grounds" if draws else "settling", total=1.0)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RockerbogieError
-from ..terrain.heightfield import MapExtent
+from ..terrain.window import MapExtent
 
 Array = NDArray[np.float64]
 Span = tuple[int, int]  # first, one past the last

@@ -14,19 +14,9 @@ from .._kernels.model.ground import META_MAX_CURVATURE, META_STEEP, META_Z
 from ..errors import TerrainError
 from ..rover.model import Rover
 from ..terrain import spline
-from ..terrain.heightfield import (
-    Datum,
-    Interpolation,
-    MapExtent,
-    Terrain,
-    build_window,
-    check_grid,
-    crop,
-    greatest_rises,
-    nodes_needed,
-    slope,
-)
+from ..terrain.heightfield import Terrain, build_window, crop
 from ..terrain.raster import Raster, open_raster
+from ..terrain.window import Datum, Interpolation, MapExtent, check_grid, greatest_rises, nodes_needed, slope
 
 Span = tuple[int, int]  # first, one past the last
 
@@ -116,20 +106,21 @@ def hold_ground(terrain: Terrain) -> InMemory:
     return InMemory(terrain, MapExtent(*outline, level, curvature, steep))
 
 
-def open_ground(path: Path, band: int, interpolation: Interpolation) -> InFile:
+def open_ground(path: str | Path, band: int, interpolation: Interpolation, cell: float | None = None) -> InFile:
     """The ground in a file, after one pass over it in windows: its reference height, its digest, its bend, its slope.
 
     Raises:
         TerrainError: not a raster of heights (`raster.open_raster`); a grid that `terrain.check_grid` refuses; heights beyond
             `terrain.MAX_HEIGHT`, or none at all.
     """
-    raster = open_raster(path, band)
+    raster = open_raster(path, band, cell)
     rows, cols = raster.shape
     if min(rows, cols) < (least := 4 if interpolation == "cubic" else 2):
-        raise TerrainError(f"{path.name} has {rows} x {cols} nodes; {interpolation} ground needs at least {least} each way")
+        raise TerrainError(f"{raster.name} has {rows} x {cols} nodes; {interpolation} ground needs at least {least} each way")
     outline = (raster.shape, raster.spacing, raster.origin)
-    check_grid(path.name, *outline)
-    datum, holes = Datum(path.name, *outline), False
+    check_grid(raster.name, *outline)
+    raster = raster.screened()
+    datum, holes = Datum(raster.name, *outline), False
     digest, rises, before = hashlib.sha256(), (0.0, 0.0), None
     step = max(BAND // cols, 1)
     for row in range(0, rows, step):
@@ -142,7 +133,7 @@ def open_ground(path: Path, band: int, interpolation: Interpolation) -> InFile:
     level = datum.height()
     curvature = _curvature(raster, level) if interpolation == "cubic" and not holes else math.inf
     steep = slope(rises, raster.spacing) if interpolation == "linear" else math.inf
-    whole = MapExtent(*outline, interpolation, raster.crs, path.stem, level, curvature, steep)
+    whole = MapExtent(*outline, interpolation, raster.crs, Path(raster.name).stem, level, curvature, steep)
     return InFile(raster, whole, digest.hexdigest())
 
 

@@ -49,7 +49,9 @@ def tally(maps: xr.Dataset) -> Tally:
     return Tally(maps.sizes["y"] * maps.sizes["x"], known, every, some, beyond)
 
 
-def overview(maps: xr.Dataset, ground: Terrain | str | Path | None = None, most: int = MOST) -> xr.Dataset:
+def overview(
+    maps: xr.Dataset, ground: Terrain | str | Path | None = None, most: int = MOST, *, band: int = 1, cell: float | None = None
+) -> xr.Dataset:
     """Every k-th cell of a map's summaries, in memory, so that at most `most` lie along a side.
 
     With ground (a terrain, or a raster file, which is read in strips) they come with its height there, as `ground`.
@@ -66,14 +68,14 @@ def overview(maps: xr.Dataset, ground: Terrain | str | Path | None = None, most:
     small = flat.isel(y=slice(k // 2, None, k), x=slice(k // 2, None, k)).load()
     if ground is not None:
         x, y = small["x"].values, small["y"].values
-        heights = ground.height(*np.meshgrid(x, y)) if isinstance(ground, Terrain) else _nearest(Path(ground), x, y)
+        heights = ground.height(*np.meshgrid(x, y)) if isinstance(ground, Terrain) else _nearest(ground, band, cell, x, y)
         small["ground"] = (("y", "x"), heights, {"units": "m"})
     return small
 
 
-def _nearest(file: Path, x: Array, y: Array) -> Array:
+def _nearest(file: str | Path, band: int, cell: float | None, x: Array, y: Array) -> Array:
     """Heights (y, x) of a raster's nodes nearest to the places of a grid; nan beyond it."""
-    raster = open_raster(file)
+    raster = open_raster(file, band, cell).screened(quiet=True)
     rows, cols = (
         np.rint((at - first) / step).astype(int)
         for at, first, step in zip((y, x), raster.origin[::-1], raster.spacing[::-1], strict=True)

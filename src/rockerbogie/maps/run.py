@@ -7,7 +7,6 @@ import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 from .._kernels.jit.decorators import threads
 from ..errors import RockerbogieError
 from .cells import Tile
-from .ground import Ground, InMemory
+from .ground import Ground
 from .layers import LAYERS
 from .store import NEEDS, Store, numerics
 from .tile import Job
@@ -160,11 +159,6 @@ def on_cluster(
 
 def _remote(job: Job, ground: Ground, chunk: list[Tile], store: Path, expected: str) -> int | Exception:
     """`make` on a worker. What goes wrong with files is given back, as what is raised fills the screen with its traceback."""
-    if isinstance(ground, InMemory):  # kernels are compiled for arrays that can be written to; those off the wire cannot
-        t = ground.terrain
-        ground = InMemory(
-            replace(t, grid=np.array(t.grid), upper_bound=np.array(t.upper_bound), meta=np.array(t.meta)), ground.whole
-        )
     try:
         if numerics() != expected:
             raise RockerbogieError("a worker runs another version of rockerbogie, whose numbers may differ: give all the same")

@@ -144,7 +144,7 @@ def numerics() -> str:
     kernels = [file for file in (here / "_kernels").rglob("*.py") if file.name != "jacobians.py"]
     digest = hashlib.sha256()
     others = (
-    "terrain/spline", "terrain/heightfield", "settling/settle", "settling/engines", "settling/pose",
+    "terrain/spline", "terrain/heightfield", "terrain/window", "settling/settle", "settling/engines", "settling/pose",
     "maps/cells", "maps/ground", "maps/limits", "maps/tile",
 )  # fmt: skip
     for file in sorted([*kernels, *(here / f"{name}.py" for name in others)]):

@@ -16,7 +16,9 @@ from .._version import __version__
 from ..errors import RockerbogieError, expect
 from ..rover.model import LOAD_ROVER, Rover
 from ..settling.settle import Mode
-from ..terrain.heightfield import Interpolation, Terrain
+from ..terrain.heightfield import Terrain
+from ..terrain.raster import locate
+from ..terrain.window import Interpolation
 from .cells import TILE, Tile, cells_over
 from .ground import Ground, hold_ground, open_ground
 from .layers import LAYERS, chosen_layers, dataset
@@ -43,6 +45,7 @@ def traversability(
     mode: Mode = "contact",
     layers: Iterable[str] | None = None,
     band: int = 1,
+    cell: float | None = None,
     interpolation: Interpolation = "cubic",
     store: str | Path | None = None,
     workers: int | None = None,
@@ -60,7 +63,7 @@ def traversability(
         bounds: (xmin, ymin, xmax, ymax) m: only cells whose centres lie within.
         mode: as `settle`.
         layers: names of the layers to keep; None: all. A map's clearance, half its work, is looked at only if asked for.
-        band, interpolation: of the raster, as `Terrain.from_raster`.
+        band, cell, interpolation: of the raster, as `Terrain.from_raster`.
         store: a folder to keep finished parts in, made if it is not there. The same call goes on where an earlier one was
             stopped. Needed for maps of more than 1 GB, which stay in it.
         workers: processes on this machine, by Dask. None: threads of this process, or a process a core for large maps.
@@ -83,7 +86,7 @@ def traversability(
         raise RockerbogieError(f"chunk is {chunk!r}: give a multiple of {TILE} cells")
     if workers is not None and not (isinstance(workers, (int, np.integer)) and workers >= 1):
         raise RockerbogieError(f"workers is {workers!r}: give how many processes, 1 or more")
-    ground = _ground(terrain, band, interpolation)
+    ground = _ground(terrain, band, interpolation, cell)
     cells = cells_over(ground.whole, resolution, bounds)
     job = Job(rover, cells, angles, allowed, mode, names)
     size = sum(math.prod(job.shape(name, cells.all)) * np.dtype(LAYERS[name].kind).itemsize for name in names)
@@ -154,14 +157,14 @@ class _Count:
             self.progress(self.done, self.total)
 
 
-def _ground(terrain: Terrain | str | Path, band: int, interpolation: Interpolation) -> Ground:
+def _ground(terrain: Terrain | str | Path, band: int, interpolation: Interpolation, cell: float | None) -> Ground:
     if isinstance(terrain, Terrain):
         return hold_ground(terrain)
     if not isinstance(terrain, (str, Path)):
         raise RockerbogieError(f"terrain is {terrain!r:.60}: give a Terrain, or the path of a raster")
     if interpolation not in ("cubic", "linear"):
         raise RockerbogieError(f"interpolation {interpolation!r} is not known; give 'cubic' or 'linear'")
-    return open_ground(Path(terrain).absolute(), band, interpolation)
+    return open_ground(locate(terrain), band, interpolation, cell)
 
 
 def _headings(headings: int | ArrayLike) -> NDArray[np.float64]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from . import surfaces
-from .heightfield import Interpolation, Terrain
+from .heightfield import Terrain
+from .window import Interpolation
 
 __all__ = ["Interpolation", "Terrain", "surfaces"]

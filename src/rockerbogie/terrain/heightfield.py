@@ -1,98 +1,119 @@
-"""Ground: a height field z(x, y) over a map frame, with bilinear or C2 cubic interpolation."""
+"""Terrain: a height field z(x, y) over a map frame, with bilinear or C2 cubic interpolation."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import warnings
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._kernels.jit.decorators import parallel_for
 from .._kernels.model import ground
-from ..errors import RockerbogieError, TerrainError
-from . import spline
+from ..errors import RockerbogieError, TerrainError, TerrainWarning
+from .labelled import is_labelled, read_labelled
+from .window import Datum, Derived, Interpolation, MapExtent, check_grid, derive
 
 Array = NDArray[np.float64]
-Interpolation = Literal["cubic", "linear"]
 
-MAX_HEIGHT = 1e7  # m: heights may be radii of a planet; what is beyond marks missing data
-MAX_COORDINATE = 1e9  # m: where double precision resolves 1e-7 m
-SPACING_RANGE = (1e-6, 1e6)  # m
-RESOLVED = 1e-6  # cells: the greatest rounding error of a coordinate, as in _kernels.ground.onto
-DATUM_SIDE = 1000  # nodes: a side of the subgrid whose median is the reference height
+#: Heights of an array that usually mean missing data.
+SUSPECT = frozenset({-99999.0, -32768.0, -32767.0, -9999.0, 9999.0, 99999.0})
 
 
 @dataclass(frozen=True, eq=False)
 class Terrain:
     """A height field. Make one with `Terrain.from_array`, `Terrain.from_raster` or `rockerbogie.surfaces`.
 
-    `z[row, col]` is the height at (x0 + col·dx, y0 + row·dy); nan is no data. A cell is known when every node its
-    surface leans on is: its four corners (linear), or those and the ring around them (cubic).
+    `z[row, col]` is the height at (x0 + col·dx, y0 + row·dy); NaN is missing data. A cell is known if every node that its
+    surface depends on is known: its four corners (linear), or those and the ring around them (cubic).
+
+    `dataclasses.replace(terrain, z=...)` makes a new surface: the arrays for the kernels are derived from the other fields.
     """
 
-    z: Array  # (rows, cols)
-    spacing: tuple[float, float]  # dx, dy
-    origin: tuple[float, float]  # x0, y0
-    interpolation: Interpolation
-    crs: str | None
-    name: str
-    grid: Array  # what the kernels read: nodes, or spline coefficients with a ring around
-    upper_bound: Array  # (rows, cols) nodes of a bilinear surface that the ground nowhere rises over
-    meta: Array  # and where it lies: _kernels.ground.META_*
+    z: Array  # (rows, cols), read-only
+    spacing: tuple[float, float]  # dx, dy, m
+    origin: tuple[float, float] = (0.0, 0.0)  # x0, y0, m
+    interpolation: Interpolation = "cubic"
+    crs: str | None = None
+    name: str = "terrain"
+    grid: Array = field(init=False, repr=False)  # window.Derived
+    upper_bound: Array = field(init=False, repr=False)
+    meta: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Check the fields, and derive the arrays for the kernels."""
+        heights, spacing, origin = _numbers(self.z, self.spacing, self.origin)
+        if self.interpolation not in ("cubic", "linear"):
+            raise TerrainError(f"interpolation {self.interpolation!r} is not known; give 'cubic' or 'linear'")
+        least = 4 if self.interpolation == "cubic" else 2
+        if heights.ndim != 2 or min(heights.shape) < least:
+            raise TerrainError(
+                f"heights have shape {heights.shape}; {self.interpolation} terrain needs (rows, cols) of at least {least} each"
+            )
+        shape = heights.shape
+        check_grid(self.name, shape, spacing, origin)
+        datum = Datum(self.name, shape, spacing, origin)
+        datum.add(0, heights)
+        whole = MapExtent(shape, spacing, origin, self.interpolation, self.crs, self.name, datum.height(), None)
+        part, derived = derive(heights, (0, 0), (0, shape[0]), (0, shape[1]), whole)
+        _fill(self, part, spacing, origin, self.interpolation, self.crs, self.name, derived)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore a pickled terrain. Kernels take writable arrays only, and those that come over a network are not."""
+        for name, value in state.items():
+            derived = name in Derived._fields and not value.flags.writeable
+            object.__setattr__(self, name, np.array(value) if derived else value)
 
     @classmethod
     def from_array(
         cls,
         z: ArrayLike,
-        spacing: float | tuple[float, float],
-        origin: tuple[float, float] = (0.0, 0.0),
+        spacing: float | tuple[float, float] | None = None,
+        origin: tuple[float, float] | None = None,
         interpolation: Interpolation = "cubic",
         *,
         crs: str | None = None,
         name: str = "terrain",
     ) -> Terrain:
-        """Ground from an array of heights.
+        """Make terrain from an array of heights.
 
         Args:
-            z: (rows, cols) heights, m, at most `MAX_HEIGHT` up or down; y grows with the row. nan is no data.
-            spacing: dx, or (dx, dy), m.
-            origin: (x, y) of z[0, 0], m.
-            interpolation: "cubic", the C2 spline through the nodes (not-a-knot at the rim), or "linear", bilinear.
+            z: (rows, cols) heights, m, at most `MAX_HEIGHT` up or down; y grows with the row. NaN is missing data. An
+                xarray.DataArray is read by its own coordinates x and y, in whatever order and direction they run.
+            spacing: dx, or (dx, dy), m. None: from the DataArray's coordinates.
+            origin: (x, y) of z[0, 0], m. None: (0, 0), or from the DataArray's coordinates.
+            interpolation: "cubic", the C2 spline through the nodes (not-a-knot at the edge), or "linear", bilinear.
+            crs: coordinate reference system of x and y, as rasterio takes it. None: of the DataArray, if it has one.
+            name: for messages and titles.
+
+        Returns:
+            The terrain.
 
         Raises:
-            TerrainError: not a height field; the message says why and what to do.
+            TerrainError: not a height field; the message gives the reason and the remedy.
+
+        Warns:
+            TerrainWarning: the lowest or highest value is one that usually means missing data (-9999, …).
         """
-        try:
-            if np.iscomplexobj(z):
-                raise TypeError("they are complex")
-            with np.errstate(over="ignore"):  # a long double may become infinite, which is refused
-                heights: Array = np.array(np.ma.filled(np.ma.asarray(z, dtype=float), np.nan))
-            step = np.broadcast_to(np.asarray(spacing, dtype=float), (2,))
-            corner = np.asarray(origin, dtype=float)
-        except (TypeError, ValueError, OverflowError) as error:
-            raise TerrainError(
-                f"heights must be an array of numbers, spacing ({spacing!r}) one number or two, origin ({origin!r}) two: {error}"
-            ) from None
-        if interpolation not in ("cubic", "linear"):
-            raise TerrainError(f"interpolation {interpolation!r} is not known; give 'cubic' or 'linear'")
-        least = 4 if interpolation == "cubic" else 2
-        if heights.ndim != 2 or min(heights.shape) < least:
-            raise TerrainError(
-                f"heights have shape {heights.shape}; {interpolation} ground needs (rows, cols) of at least {least} each"
-            )
-        if not (np.isfinite(step).all() and (step > 0).all()):
-            raise TerrainError(f"spacing is {spacing}; give one finite step above 0, or two (dx, dy), in metres")
-        if corner.shape != (2,) or not np.isfinite(corner).all():
-            raise TerrainError(f"origin is {origin}; give the finite (x, y) of the first node, in metres")
-        shape = heights.shape
-        size, first = (float(step[0]), float(step[1])), (float(corner[0]), float(corner[1]))
-        check_grid(name, shape, size, first)
-        datum = Datum(name, shape, size, first)
-        datum.add(0, heights)
-        whole = MapExtent(shape, size, first, interpolation, crs, name, datum.height(), None)
-        return build_window(heights, (0, 0), (0, shape[0]), (0, shape[1]), whole)
+        if is_labelled(z):
+            found = read_labelled(z)
+            z, crs = found.z, crs or found.crs
+            if found.spacing is not None and found.origin is not None:
+                _check_given(spacing, origin, found.spacing, found.origin)
+                spacing, origin = found.spacing, found.origin
+        if spacing is None:
+            raise TerrainError("give the spacing of the nodes, dx or (dx, dy), in metres")
+        terrain = cls(z, spacing, (0.0, 0.0) if origin is None else origin, interpolation, crs, name)  # type: ignore[arg-type]
+        for value in (np.nanmin(terrain.z), np.nanmax(terrain.z)):
+            if value in SUSPECT:
+                warnings.warn(
+                    f"{name} reaches {value:g} m, which usually means missing data: if so, set it to NaN",
+                    TerrainWarning,
+                    stacklevel=2,
+                )
+        return terrain
 
     @classmethod
     def from_raster(
@@ -102,27 +123,39 @@ class Terrain:
         band: int = 1,
         interpolation: Interpolation = "cubic",
         window: tuple[float, float, float, float] | None = None,
+        cell: float | None = None,
     ) -> Terrain:
-        """Ground from a GeoTIFF or any raster GDAL reads: CRS kept, nodata to nan, rows flipped so that north is +y.
+        """Read terrain from a GeoTIFF or any other raster that GDAL reads.
+
+        Rows are flipped so that north is +y. Coordinates and heights are converted to metres; missing data becomes NaN,
+        declared or not. See docs/terrain.md.
 
         Args:
-            path: the file. Needs the `geo` extra (rasterio).
-            band: which band holds the heights, from 1.
-            window: (xmin, ymin, xmax, ymax) in the file's CRS, m: read this part only.
+            path: a file, or a name that GDAL takes: "netcdf:file.nc:z", "/vsizip/file.zip/dem.tif". Needs the `geo` extra.
+            band: the one that holds the heights, from 1.
+            interpolation: as `from_array`.
+            window: (xmin, ymin, xmax, ymax) m, in the coordinates of the terrain: read this part only.
+            cell: side of a cell, m, for a file without georeference; its south-west corner is then (0, 0).
+
+        Returns:
+            The terrain, with the file's CRS in metres.
 
         Raises:
-            TerrainError: missing file, no such band, rotated or geographic grid, no rasterio; with the way out.
+            TerrainError: missing file, no such band, a picture, a rotated or geographic grid, a projection that stretches
+                lengths by more than 1 %, no rasterio; with the remedy.
 
-        Warns of a file that marks nothing as no data, but whose lowest value looks like it (-9999, -32768, …).
+        Warns:
+            TerrainWarning: missing data that is not declared, zeros beside cliffs, heights in coarse steps, a projection
+                that stretches by more than 0.2 %.
         """
-        from .raster import read_raster
+        from .raster import read_raster, short_name
 
-        heights, spacing, origin, crs = read_raster(Path(path), band, window)
-        return cls.from_array(heights, spacing, origin, interpolation, crs=crs, name=Path(path).stem)
+        heights, spacing, origin, crs = read_raster(path, band, window, cell)
+        return cls(heights, spacing, origin, interpolation, crs, Path(short_name(str(path))).stem)
 
     @property
     def packed(self) -> ground.Ground:
-        """All that a kernel reads of the ground."""
+        """Arguments that kernels take for the terrain."""
         kind = ground.CubicGround if self.interpolation == "cubic" else ground.LinearGround
         return kind(self.grid, self.upper_bound, self.meta)
 
@@ -135,30 +168,55 @@ class Terrain:
 
     @property
     def x(self) -> Array:
-        """(cols,) of the nodes, m."""
+        """(cols,) x of the nodes, m."""
         return self.origin[0] + self.spacing[0] * np.arange(self.z.shape[1], dtype=float)
 
     @property
     def y(self) -> Array:
-        """(rows,) of the nodes, m."""
+        """(rows,) y of the nodes, m."""
         return self.origin[1] + self.spacing[1] * np.arange(self.z.shape[0], dtype=float)
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Height (...) at (x, y), m; nan off the map and where the ground is not known."""
+        """Compute heights.
+
+        Args:
+            x: (...) m, broadcasts with y.
+            y: (...) m.
+
+        Returns:
+            (...) m; NaN off the map and where data is missing.
+        """
         return self._surface(x, y)[..., 0]
 
     def gradient(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Slope (..., 2): dz/dx, dz/dy. On a linear ground's grid line, that of the cell to the north-east."""
+        """Compute slopes dz/dx, dz/dy.
+
+        Args:
+            x: (...) m, broadcasts with y.
+            y: (...) m.
+
+        Returns:
+            (..., 2) m/m; NaN as `height`. On a grid line of linear terrain: of the cell to the north-east.
+        """
         return self._surface(x, y)[..., 1:]
 
     def normal(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Upward unit normal (..., 3); nan off the map and where the ground is not known."""
+        """Compute upward unit normals.
+
+        Args:
+            x: (...) m, broadcasts with y.
+            y: (...) m.
+
+        Returns:
+            (..., 3); NaN as `height`.
+        """
         slope = self.gradient(x, y)
         n = np.concatenate([-slope, np.ones((*slope.shape[:-1], 1))], axis=-1)
         n[np.isnan(slope).any(axis=-1)] = np.nan
         return np.asarray(n / np.linalg.norm(n, axis=-1, keepdims=True))
 
     def _surface(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Return height and slopes (..., 3)."""
         try:
             px, py = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
         except (TypeError, ValueError) as error:
@@ -171,176 +229,89 @@ class Terrain:
         return out.reshape(*px.shape, 3)
 
 
-class MapExtent(NamedTuple):
-    """What a window must know of the map that it is part of."""
-
-    shape: tuple[int, int]  # rows, cols
-    spacing: tuple[float, float]  # dx, dy, m
-    origin: tuple[float, float]  # x, y of the first node, m
-    interpolation: Interpolation
-    crs: str | None
-    name: str
-    level: float  # m, the reference height (`Datum`), subtracted so that -4,450 m does not cost the last digits
-    curvature: float | None  # ground.META_BEND; None: to be found, as this is all of the map
-    steep: float = np.inf  # ground.META_STEEP
-
-
-def check_grid(name: str, shape: tuple[int, int], spacing: tuple[float, float], origin: tuple[float, float]) -> None:
-    """Check that double precision resolves positions on a grid.
-
-    Args:
-        name: of the map, for the error.
-        shape: rows, cols.
-        spacing: dx, dy, m.
-        origin: x, y of the first node, m.
-
-    Raises:
-        TerrainError: a spacing outside `SPACING_RANGE`, a coordinate beyond `MAX_COORDINATE`, or coordinates whose rounding
-            error exceeds `RESOLVED` cells.
-    """
-    least, most = SPACING_RANGE
-    for axis, step, first, count in zip("xy", spacing, origin, shape[::-1], strict=True):
-        if not least <= step <= most:
-            raise TerrainError(f"spacing of {name} along {axis} is {step:g} m; give a step from {least:g} to {most:g} m")
-        farthest = max(abs(first), abs(first + (count - 1) * step))
-        error = 0.5 * float(np.spacing(farthest))
-        if not farthest <= MAX_COORDINATE or error > RESOLVED * step:
-            raise TerrainError(
-                f"{name} reaches to {axis} = {farthest:g} m in steps of {step:g} m, where numbers are rounded by up to "
-                f"{error:.1g} m; the limits are {MAX_COORDINATE:g} m and a rounding of {RESOLVED:g} of a step: subtract an "
-                f"offset from {axis}"
-            )
-
-
-class Datum:
-    """Reference height of a map, computed in one pass over its rows.
-
-    It is subtracted from heights before they reach the kernels. It is the median of the known nodes of a regular subgrid, rounded
-    to a whole metre. The subgrid has every k-th row and every l-th column from the first on, with the least k and l that leave
-    at most `DATUM_SIDE` of each. If none of its nodes is known, the median is that of the first `DATUM_SIDE`² known
-    nodes, row by row. So a few extreme heights do not change it.
-    """
-
-    def __init__(self, name: str, shape: tuple[int, int], spacing: tuple[float, float], origin: tuple[float, float]) -> None:
-        """Start an empty sample.
-
-        Args:
-            name: of the map, for errors.
-            shape: rows, cols of the map.
-            spacing: dx, dy, m, for errors.
-            origin: x, y of the first node, m, for errors.
-        """
-        self.name, self.spacing, self.origin = name, spacing, origin
-        self.steps = [-(-count // DATUM_SIDE) for count in shape]
-        self.sample: list[Array] = []  # known nodes of the subgrid
-        self.first: list[Array] = []  # the first known nodes, while the subgrid has none
-        self.room = DATUM_SIDE**2  # how many more of them are kept
-
-    def add(self, row: int, z: Array) -> None:
-        """Add the next rows of the map after checking their heights.
-
-        Args:
-            row: index of the first of them.
-            z: (rows, cols) heights, m, all columns of these rows; NaN is missing data.
-
-        Raises:
-            TerrainError: a height that is infinite or beyond `MAX_HEIGHT`.
-        """
-        if max(np.fmax.reduce(z, axis=None), -np.fmin.reduce(z, axis=None)) > MAX_HEIGHT:
-            self._refuse(row, z)
-        part = z[-row % self.steps[0] :: self.steps[0], :: self.steps[1]]
-        part = part[np.isfinite(part)]
-        if part.size > 0:
-            self.sample.append(part)
-        elif not self.sample and self.room > 0:
-            known = z[np.isfinite(z)][: self.room]
-            self.first.append(known)
-            self.room -= known.size
-
-    def _refuse(self, row: int, z: Array) -> None:
-        """Raise the error for the first height beyond `MAX_HEIGHT` of the rows z that begin at `row`."""
-        at = int(np.argmax(np.abs(z) > MAX_HEIGHT))
-        i, col = row + at // z.shape[1], at % z.shape[1]
-        x, y = (first + n * step for first, n, step in zip(self.origin, (col, i), self.spacing, strict=True))
-        raise TerrainError(
-            f"{self.name} has a height of {float(z.flat[at])!r} m at row {i}, column {col} (x = {x:.10g}, y = {y:.10g} m); "
-            f"the limit is {MAX_HEIGHT:g} m: mark missing data as NaN, or as no data in a file (gdal_edit.py -a_nodata)"
-        )
-
-    def height(self) -> float:
-        """Return the reference height, m.
-
-        Raises:
-            TerrainError: no node is known.
-        """
-        values = np.concatenate([*(self.sample or self.first), np.empty(0)])
-        if values.size == 0:
-            raise TerrainError(f"every height of {self.name} is missing (NaN): there is no terrain")
-        return float(np.floor(np.partition(values, values.size // 2)[values.size // 2] + 0.5))
-
-
-def nodes_needed(start: int, stop: int, count: int, interpolation: Interpolation) -> tuple[int, int]:
-    """The first and one past the last node, of `count` along an axis, that ground of nodes start..stop is made from."""
-    if interpolation == "linear":
-        return start, stop
-    return spline.nodes_needed(max(start - 1, 0), min(stop + 1, count), count)
-
-
 def build_window(
     heights: Array, first: tuple[int, int], rows: tuple[int, int], cols: tuple[int, int], whole: MapExtent
 ) -> Terrain:
-    """Ground of the nodes rows × cols (first, one past the last) of a map, out of its heights from node `first` on.
+    """Make a window of a map. The rover must lie entirely inside it.
 
-    To the last bit what the whole map has there. Whoever settles on a window keeps all of the rover well within it.
+    Args:
+        heights: of the nodes from `first` on, m; at least those of `window.nodes_needed`.
+        first: row and column of heights[0, 0] in the map.
+        rows: first, one past the last of the window.
+        cols: the same.
+        whole: the map.
+
+    Returns:
+        The window, bit-identical to the same part of the whole map.
     """
-    part = heights[rows[0] - first[0] : rows[1] - first[0], cols[0] - first[1] : cols[1] - first[1]]
-    curvature = steep = np.inf
-    if whole.interpolation == "linear":
-        grid = upper_bound = np.ascontiguousarray(part - whole.level)
-        steep = slope(greatest_rises(part), whole.spacing) if whole.curvature is None else whole.steep
-    else:
-        # a node more around, as the roof over a node leans on the four cells about it
-        (r0, r1), (c0, c1) = ((max(a - 1, 0), min(b + 1, n)) for (a, b), n in zip((rows, cols), whole.shape, strict=True))
-        c = spline.coefficients(heights - whole.level, first, whole.shape, (r0, r1), (c0, c1))
-        curvature = (
-            spline.greatest_curvature(spline.greatest_differences(c), whole.spacing)
-            if whole.curvature is None
-            else whole.curvature
-        )
-        grid = np.ascontiguousarray(c[rows[0] - r0 : rows[1] - r0 + 2, cols[0] - c0 : cols[1] - c0 + 2])
-        upper_bound = np.ascontiguousarray(spline.upper_bound(c)[rows[0] - r0 : rows[1] - r0, cols[0] - c0 : cols[1] - c0])
+    part, derived = derive(heights, first, rows, cols, whole)
     (dx, dy), (x0, y0) = whole.spacing, whole.origin
-    meta = np.zeros(ground.META_SIZE)
-    meta[[ground.META_X, ground.META_Y, ground.META_Z, ground.META_DX, ground.META_DY]] = x0, y0, whole.level, dx, dy
-    meta[[ground.META_NX, ground.META_NY, ground.META_ROW, ground.META_COL]] = *whole.shape[::-1], rows[0], cols[0]
-    meta[[ground.META_CUBIC, ground.META_MAX_CURVATURE, ground.META_STEEP]] = whole.interpolation == "cubic", curvature, steep
-    part.setflags(write=False)
     origin = (x0 + cols[0] * dx, y0 + rows[0] * dy)
-    return Terrain(part, whole.spacing, origin, whole.interpolation, whole.crs, whole.name, grid, upper_bound, meta)
-
-
-def greatest_rises(z: Array, so_far: tuple[float, float] = (0.0, 0.0)) -> tuple[float, float]:
-    """The greatest height between neighbouring nodes along x and along y, and no less than `so_far`; nan beside holes."""
-    bands = [z[row : row + 257] for row in range(0, max(z.shape[0] - 1, 1), 256)]  # so much at once
-    along_x, along_y = (
-        np.max([np.abs(np.diff(band, axis=axis)).max(initial=least) for band in bands])
-        for axis, least in zip((1, 0), so_far, strict=True)
-    )
-    return float(along_x), float(along_y)
-
-
-def slope(rises: tuple[float, float], spacing: tuple[float, float]) -> float:
-    """A slope that bilinear ground of such rises nowhere exceeds; inf where it has holes."""
-    steepest = float(np.hypot(rises[0] / spacing[0], rises[1] / spacing[1]))
-    return steepest if np.isfinite(steepest) else np.inf
+    return assemble(part, whole.spacing, origin, whole.interpolation, whole.crs, whole.name, derived)
 
 
 def crop(terrain: Terrain, rows: tuple[int, int], cols: tuple[int, int]) -> Terrain:
-    """The window of nodes rows × cols (first, one past the last) of a whole terrain, as `build_window` would make it."""
+    """Cut a window out of a whole terrain, as `build_window` makes it.
+
+    Args:
+        terrain: a whole map.
+        rows: first, one past the last.
+        cols: the same.
+    """
     ring = terrain.grid.shape[0] - terrain.upper_bound.shape[0]
     grid = np.ascontiguousarray(terrain.grid[rows[0] : rows[1] + ring, cols[0] : cols[1] + ring])
     z, upper_bound = (np.ascontiguousarray(a[slice(*rows), slice(*cols)]) for a in (terrain.z, terrain.upper_bound))
     meta = terrain.meta.copy()
     meta[[ground.META_ROW, ground.META_COL]] = rows[0], cols[0]
     (dx, dy), (x0, y0) = terrain.spacing, terrain.origin
-    return replace(terrain, z=z, origin=(x0 + cols[0] * dx, y0 + rows[0] * dy), grid=grid, upper_bound=upper_bound, meta=meta)
+    origin = (x0 + cols[0] * dx, y0 + rows[0] * dy)
+    derived = Derived(grid, upper_bound, meta)
+    return assemble(z, terrain.spacing, origin, terrain.interpolation, terrain.crs, terrain.name, derived)
+
+
+def assemble(*values: Any) -> Terrain:
+    """Make a terrain from its fields before `grid` and a `Derived`, without any check."""
+    terrain = object.__new__(Terrain)
+    _fill(terrain, *values)
+    return terrain
+
+
+def _fill(terrain: Terrain, *values: Any) -> None:
+    """Set all fields: those before `grid`, then a `Derived`."""
+    values[0].setflags(write=False)
+    for part, value in zip(fields(Terrain), (*values[:-1], *values[-1]), strict=True):
+        object.__setattr__(terrain, part.name, value)
+
+
+def _numbers(z: Any, spacing: Any, origin: Any) -> tuple[Array, tuple[float, float], tuple[float, float]]:
+    """Return heights, spacing and origin as numbers, or raise an error for what are none."""
+    try:
+        if np.iscomplexobj(z):
+            raise TypeError("they are complex")
+        with np.errstate(over="ignore"):  # a long double may become infinite, which is refused
+            heights: Array = np.array(np.ma.filled(np.ma.asarray(z, dtype=float), np.nan))
+        step = np.broadcast_to(np.asarray(spacing, dtype=float), (2,))
+        corner = np.asarray(origin, dtype=float)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise TerrainError(
+            f"heights must be an array of numbers, spacing ({spacing!r}) one number or two, origin ({origin!r}) two: {error}"
+        ) from None
+    if not (np.isfinite(step).all() and (step > 0).all()):
+        raise TerrainError(f"spacing is {spacing}; give one finite step above 0, or two (dx, dy), in metres")
+    if corner.shape != (2,) or not np.isfinite(corner).all():
+        raise TerrainError(f"origin is {origin}; give the finite (x, y) of the first node, in metres")
+    return heights, (float(step[0]), float(step[1])), (float(corner[0]), float(corner[1]))
+
+
+def _check_given(spacing: Any, origin: Any, own_spacing: tuple[float, float], own_origin: tuple[float, float]) -> None:
+    """Raise an error if a DataArray's coordinates differ from a given spacing or origin."""
+    for given, own, word in ((spacing, own_spacing, "spacing"), (origin, own_origin, "origin")):
+        try:
+            same = given is None or np.allclose(np.broadcast_to(given, (2,)), own, rtol=1e-9, atol=1e-3 * min(own_spacing))
+        except (TypeError, ValueError):
+            same = False
+        if not same:
+            raise TerrainError(
+                f"{word} is {given!r}, but the DataArray's own coordinates give {tuple(float(f'{v:.10g}') for v in own)}: leave "
+                "it out, or pass the DataArray's .values"
+            )

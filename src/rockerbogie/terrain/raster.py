@@ -1,49 +1,77 @@
-"""Heights out of a raster file, north up: whatever GDAL reads, through rasterio."""
+"""Heights from raster files, north up and in metres: any format that GDAL reads, through rasterio."""
 
 from __future__ import annotations
 
+import math
+import os
+import re
+import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import TerrainError
+from ..errors import TerrainError, TerrainWarning
+from .georeference import Georeference, check_scale, georeference, refuse_angles, unit_length, warp
+from .missing import HUGE, Screening
+from .window import check_grid
 
 Array = NDArray[np.float64]
+Window = tuple[float, float, float, float]
 
 #: Most pixels read at once: 3.2 GB of heights.
 MOST_PIXELS = 400_000_000
 CACHE = 64 << 20  # bytes of a file that GDAL may keep
-#: Values that files use for no data and that are no height anybody drives at; `terrain.MAX_HEIGHT` refuses greater ones.
-LOOK_UNKNOWN = (-99999.0, -32768.0, -32767.0, -9999.0)
-METRES = frozenset({"", "m", "metre", "meter", "metres", "meters"})
+BLOCK = 1 << 22  # pixels screened at once
+NOISE = 1e-3  # cells: a rotation that moves no pixel further than this is rounding
+#: Names that GDAL takes and that are no path: netcdf:file.nc:z, https://…, /vsizip/….
+GDAL_NAME = re.compile(r"^([A-Za-z][A-Za-z0-9_+.-]+:|/vsi)")
+COLOURS = frozenset({"red", "green", "blue", "alpha", "palette", "hue", "saturation", "lightness", "cyan", "magenta", "yellow"})
 
 
 @dataclass(frozen=True)
 class Raster:
-    """A file of heights, known by its outline and read by windows. A node is a pixel's centre; rows are counted from the
-    south, columns from the west."""
+    """Outline of a file of heights, which is read by windows.
 
-    path: Path
+    A node is a pixel's centre; rows are counted from the south, columns from the west. Lengths are in metres, whatever the
+    file's units.
+    """
+
+    source: str  # path, or GDAL's name for it
     band: int  # from 1
     shape: tuple[int, int]  # rows, cols
     spacing: tuple[float, float]  # dx, dy, m
     corner: tuple[float, float]  # x, y of the file's own corner, m
-    step: tuple[float, float]  # from one of the file's pixels to the next, m; -dy where the file begins in the north
-    crs: str | None
+    step: tuple[float, float]  # from one pixel to the next along x and y, m; -dy where the file begins in the north
+    turned: bool  # True if the file's rows run along x
+    georeference: Georeference
+    scale: float  # heights are scale · stored + offset, m
+    offset: float
+    alpha: int | None = None  # band that is 0 where data is missing
+    fills: tuple[float, ...] = ()  # stored values that mean missing data beyond those that the file declares
+
+    @property
+    def name(self) -> str:
+        """Name for messages: the last part of the path."""
+        return short_name(self.source)
+
+    @property
+    def crs(self) -> str | None:
+        """CRS of x and y in metres."""
+        return self.georeference.crs
 
     def x(self, first: int, last: int) -> Array:
-        """(last - first,) of the nodes first..last, m."""
-        return _places(self.corner[0], self.step[0], self.shape[1], first, last)
+        """Return x (last - first,) of the nodes first..last, m."""
+        return _positions(self.corner[0], self.step[0], self.shape[1], first, last)
 
     def y(self, first: int, last: int) -> Array:
-        """(last - first,) of the nodes first..last, m."""
-        return _places(self.corner[1], self.step[1], self.shape[0], first, last)
+        """Return y (last - first,) of the nodes first..last, m."""
+        return _positions(self.corner[1], self.step[1], self.shape[0], first, last)
 
     @property
     def origin(self) -> tuple[float, float]:
@@ -51,98 +79,209 @@ class Raster:
         return float(self.x(0, 1)[0]), float(self.y(0, 1)[0])
 
     def read(self, rows: tuple[int, int], cols: tuple[int, int]) -> Array:
-        """Heights (rows, cols) of the nodes rows × cols (first, one past the last), m; y grows with the row, nan is no
-        data. The file's scale and offset are applied, and what it marks as no data (by value or by mask) is nan. A warning
-        tells of a file that marks nothing and holds what looks like it.
+        """Read the heights of a window.
+
+        Args:
+            rows: first, one past the last, counted from the south.
+            cols: the same, counted from the west.
+
+        Returns:
+            (rows, cols) m; y grows with the row. NaN is missing data: declared by value or mask, not finite, at least
+            `HUGE`, or in `fills`.
 
         Raises:
             TerrainError: the file cannot be read.
         """
-        from rasterio.windows import Window
-
-        size = (cols[1] - cols[0], rows[1] - rows[0])
-        left = cols[0] if self.step[0] > 0 else self.shape[1] - cols[1]
-        top = rows[0] if self.step[1] > 0 else self.shape[0] - rows[1]
-        with _opened(self.path) as raster:
-            raw = raster.read(self.band, masked=True, window=Window(left, top, *size))
-            scale, offset = raster.scales[self.band - 1], raster.offsets[self.band - 1]
-            unmarked = raster.nodata is None
-        lowest = raw.min()
-        if unmarked and lowest in LOOK_UNKNOWN:
-            warnings.warn(
-                f"{self.path.name} marks nothing as no data, but its lowest value is {lowest:g}: if that means no data, say "
-                f"so in the file, with gdal_edit.py -a_nodata {lowest:g} {self.path.name}",
-                stacklevel=3,
-            )
+        raw = self._stored(rows, cols)
+        values = np.ma.getdata(raw)
         with np.errstate(over="ignore", invalid="ignore"):  # heights that overflow are refused with the terrain
-            heights = np.ma.filled(raw.astype(np.float64), np.nan) * scale + offset
-        if self.step[0] < 0:
-            heights = heights[:, ::-1]
-        if self.step[1] < 0:
-            heights = heights[::-1]
+            heights = values * np.float64(self.scale) + self.offset
+            if values.dtype.kind == "f":
+                heights[~(np.abs(values) < HUGE)] = np.nan
+        heights[np.ma.getmaskarray(raw)] = np.nan
+        for fill in self.fills:
+            heights[values == fill] = np.nan
         return np.ascontiguousarray(heights)
 
+    def _stored(self, rows: tuple[int, int], cols: tuple[int, int]) -> Any:
+        """Read stored values (rows, cols) of a window, masked; y grows with the row."""
+        from rasterio.windows import Window
 
-def open_raster(path: Path, band: int = 1) -> Raster:
-    """The outline of a file of heights: whatever GDAL reads.
+        across = cols if self.step[0] > 0 else (self.shape[1] - cols[1], self.shape[1] - cols[0])
+        down = rows if self.step[1] > 0 else (self.shape[0] - rows[1], self.shape[0] - rows[0])
+        if self.turned:
+            across, down = down, across
+        with _opened(self.source) as file:
+            window = Window(across[0], down[0], across[1] - across[0], down[1] - down[0])
+            raw = file.read(self.band, masked=True, window=window)
+            if self.alpha is not None:
+                raw = np.ma.masked_where(file.read(self.alpha, window=window) == 0, raw)
+        if self.turned:
+            raw = raw.T
+        return raw[:: 1 if self.step[1] > 0 else -1, :: 1 if self.step[0] > 0 else -1]
+
+    def screened(
+        self, rows: tuple[int, int] | None = None, cols: tuple[int, int] | None = None, *, quiet: bool = False
+    ) -> Raster:
+        """Look at all stored values of a window for undeclared missing data, and for steps.
+
+        Args:
+            rows: first, one past the last; None: all.
+            cols: the same.
+            quiet: do not warn.
+
+        Returns:
+            The raster with `fills`.
+
+        Raises:
+            TerrainError: the file cannot be read; its projection stretches lengths by more than 1 %.
+
+        Warns:
+            TerrainWarning: missing data that is not declared, zeros beside cliffs, heights in coarse steps, a projection that
+                stretches by more than 0.2 %, coordinates that were converted to metres.
+        """
+        rows, cols = rows or (0, self.shape[0]), cols or (0, self.shape[1])
+        check_grid(self.name, self.shape, self.spacing, self.origin)
+        notes = [check_scale(self.georeference, self.name, *self._edges(rows, cols))]
+        search = Screening(self.name, self.spacing, self.scale, self.offset)
+        step = max(BLOCK // (cols[1] - cols[0]), 2)
+        for row in range(rows[0], rows[1], step):
+            search.add(self._stored((row, min(row + step, rows[1])), cols))
+        fills = search.fills()
+        if self.georeference.unit != 1.0:
+            unit, name = self.georeference.unit, self.georeference.unit_name
+            notes.append(f"x and y of {self.name} are converted from {name} ({unit:.7g} m) to metres: give positions in metres")
+        for note in [] if quiet else [*filter(None, notes), *search.notes(fills)]:
+            warnings.warn(note, TerrainWarning, stacklevel=4)
+        return replace(self, fills=fills)
+
+    def _edges(self, rows: tuple[int, int], cols: tuple[int, int]) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return x of the first and last column, and y of the first and last row, m."""
+        x, y = ((float(of(a, a + 1)[0]), float(of(b - 1, b)[0])) for of, (a, b) in ((self.x, cols), (self.y, rows)))
+        return x, y
+
+
+def open_raster(path: str | Path, band: int = 1, cell: float | None = None) -> Raster:
+    """Read the outline of a file of heights.
+
+    Args:
+        path: a file, or a name that GDAL takes: netcdf:file.nc:z, /vsizip/file.zip/dem.tif.
+        band: the one that holds the heights, from 1.
+        cell: side of a cell, m, for a file without georeference or CRS; the map's south-west corner is then (0, 0).
 
     Raises:
-        TerrainError: rasterio is not installed; no such file or band; not a raster; a grid that is rotated, not in
-            metres or without a place.
+        TerrainError: rasterio is not installed; no such file or band; not a raster of heights; a grid that is rotated,
+            in degrees or without a cell size; units that are not lengths.
     """
-    with _opened(path) as raster:
-        _check(raster, path.name, band)
-        T = raster.transform
-        crs = raster.crs.to_string() if raster.crs else None
-        size = (raster.height, raster.width)
-    return Raster(path, band, size, (abs(T.a), abs(T.e)), (T.c, T.f), (T.a, T.e), crs)
+    source = locate(path)
+    name = short_name(source)
+    with _opened(source) as file:
+        _check_band(file, source, band)
+        shape = (file.height, file.width)
+        frame = georeference(file.crs, name)
+        T = [float(v) for v in tuple(file.transform)[:6]]
+        if cell is not None:
+            T = _with_cell(cell, T, shape, frame, name)
+        elif not _is_placed(T):
+            raise TerrainError(
+                f"{name} is placed by ground control points: rectify it first, with {warp(name, None, None)}"
+                if file.gcps[0]
+                else f"{name} has no georeference, so the size of its cells is not known: give the side of a cell in metres "
+                f"(cell=, or --cell)"
+            )
+        a, b, c, d, e, f = T
+        size = (math.hypot(a, d), math.hypot(b, e))
+        turned = max(abs(a) * shape[1], abs(e) * shape[0]) < NOISE * min(size)
+        if not turned and max(abs(b) * shape[0], abs(d) * shape[1]) > NOISE * min(size):
+            raise TerrainError(f"{name} is a rotated grid: turn it north up first, with {warp(name, None, None)}")
+        middle = (c + 0.5 * (a * shape[1] + b * shape[0]), f + 0.5 * (d * shape[1] + e * shape[0]))
+        refuse_angles(frame, name, *middle)
+        if frame.crs is None and cell is None and max(size) < 1e-3 and abs(middle[0]) <= 360 and abs(middle[1]) <= 90:
+            raise TerrainError(
+                f"{name} has no CRS and cells of {size[0]:.3g}, as if it counted in degrees: assign its CRS with gdal_edit.py "
+                f"-a_srs, or give the side of a cell in metres (cell=, or --cell)"
+            )
+        height = _height_unit(file, name, band, frame)
+        alpha = next((k for k, kind in zip(file.indexes, file.colorinterp, strict=True) if kind.name == "alpha"), None)
+        scale, offset = float(file.scales[band - 1]) * height, float(file.offsets[band - 1]) * height
+    unit = frame.unit
+    step = (b * unit, d * unit) if turned else (a * unit, e * unit)
+    corner = (c * unit, f * unit)
+    if turned:
+        shape = shape[::-1]
+    return Raster(source, band, shape, (abs(step[0]), abs(step[1])), corner, step, turned, frame, scale, offset, alpha)
 
 
 def read_raster(
-    path: Path, band: int = 1, window: tuple[float, float, float, float] | None = None
+    path: str | Path, band: int = 1, window: Window | None = None, cell: float | None = None
 ) -> tuple[Array, tuple[float, float], tuple[float, float], str | None]:
-    """Heights (rows, cols) with y growing with the row, their spacing (dx, dy), the first node (x0, y0), and the CRS.
+    """Read heights with their grid.
 
     Args:
-        path: the file.
-        band: which band holds the heights, from 1.
-        window: (xmin, ymin, xmax, ymax) in the file's CRS, m: only the pixels whose centres lie in it.
+        path: as `open_raster`.
+        band: as `open_raster`.
+        window: (xmin, ymin, xmax, ymax) m, in the coordinates of the terrain: only the pixels whose centres lie in it.
+        cell: as `open_raster`.
+
+    Returns:
+        Heights (rows, cols) m with y growing with the row, spacing (dx, dy) m, the first node (x0, y0) m, and the CRS.
 
     Raises:
-        TerrainError: as `open_raster`; a window that holds fewer than two pixels a side; too many pixels.
+        TerrainError: as `open_raster` and `Raster.screened`; a window that holds fewer than two pixels a side; too many pixels.
+
+    Warns:
+        TerrainWarning: as `Raster.screened`.
     """
-    raster = open_raster(path, band)
+    raster = open_raster(path, band, cell)
     rows, cols = (0, raster.shape[0]), (0, raster.shape[1])
     if window is not None:
-        cols, rows = _inside((raster.x(*cols), raster.y(*rows)), window, path.name)
+        cols, rows = _inside((raster.x(*cols), raster.y(*rows)), window, raster.name)
     count = (cols[1] - cols[0]), (rows[1] - rows[0])
     if count[0] * count[1] > MOST_PIXELS:
-        raise TerrainError(f"{path.name} would be {count[0]} x {count[1]} pixels, more than {MOST_PIXELS:g}: give a window")
+        raise TerrainError(f"{raster.name} would be {count[0]} x {count[1]} pixels, more than {MOST_PIXELS:g}: give a window")
+    raster = raster.screened(rows, cols)
     origin = float(raster.x(cols[0], cols[0] + 1)[0]), float(raster.y(rows[0], rows[0] + 1)[0])
     return raster.read(rows, cols), raster.spacing, origin, raster.crs
 
 
+def locate(path: str | Path) -> str:
+    """Return the absolute path of a file, or the name itself if GDAL takes it as no path (netcdf:file.nc:z, /vsizip/…).
+
+    Raises:
+        TerrainError: no such file.
+    """
+    text = os.fspath(path)
+    if os.path.exists(text):
+        return os.path.abspath(text)
+    if GDAL_NAME.match(text):
+        return text
+    raise TerrainError(f"no file {text!r}")
+
+
+def short_name(source: str) -> str:
+    """Return the last part of a path or of GDAL's name for a raster, as "dem.tif" or "file.nc:z"."""
+    return source.rstrip("/").rsplit("/", 1)[-1] or source
+
+
 @contextmanager
-def _opened(path: Path) -> Iterator[Any]:
-    """The file, open; what rasterio says against it said in our words."""
+def _opened(source: str) -> Iterator[Any]:
+    """Open a file, and turn rasterio's errors into ours."""
     try:
         import rasterio
         from rasterio.errors import NotGeoreferencedWarning, RasterioError
     except ImportError:
         raise TerrainError("reading a raster needs rasterio: pip install 'rockerbogie[geo]'") from None
-    if not path.exists():
-        raise TerrainError(f"no file {str(path)!r}")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", NotGeoreferencedWarning)  # said by `_check`, in our words and as an error
-            with rasterio.Env(GDAL_CACHEMAX=CACHE), rasterio.open(path) as raster:
-                yield raster
-    except RasterioError as error:
-        raise TerrainError(f"{str(path)!r} is not a raster that GDAL can read: {error}") from None
+            warnings.simplefilter("ignore", NotGeoreferencedWarning)  # `open_raster` raises an error for it
+            with rasterio.Env(GDAL_CACHEMAX=CACHE), rasterio.open(source) as file:
+                yield file
+    except (RasterioError, MemoryError) as error:
+        raise TerrainError(f"{source!r} is not a raster that GDAL can read: {error or 'out of memory'}") from None
 
 
-def _places(corner: float, step: float, count: int, first: int, last: int) -> Array:
-    """The nodes first..last of an axis that is counted from its low end."""
+def _positions(corner: float, step: float, count: int, first: int, last: int) -> Array:
+    """Return the nodes first..last of an axis that is counted from its low end."""
     at = np.arange(first, last)
     if step < 0:
         at = count - 1 - at
@@ -150,33 +289,73 @@ def _places(corner: float, step: float, count: int, first: int, last: int) -> Ar
         return np.asarray(corner + step * (at + 0.5))
 
 
-def _check(raster: Any, name: str, band: int) -> None:
-    """Refuse what is not a north-south grid of heights in metres, with the way out."""
-    if not isinstance(band, int | np.integer) or not 1 <= band <= raster.count:
-        raise TerrainError(f"{name} has {raster.count} band(s), counted from 1; band {band!r} is not one of them")
-    if np.dtype(raster.dtypes[band - 1]).kind not in "iuf":
-        raise TerrainError(f"band {band} of {name} holds {raster.dtypes[band - 1]}, not heights: choose another band")
-    T = raster.transform
-    if T.is_identity:
-        raise TerrainError(f"{name} does not say how large its cells are: load its array by Terrain.from_array with your spacing")
-    if T.b or T.d:
-        raise TerrainError(f"{name} is a rotated grid: turn it north up first, with gdalwarp {name} north_up.tif")
-    crs = raster.crs
-    if crs and crs.is_geographic:
+def _is_placed(T: list[float]) -> bool:
+    """Return True if an affine transform (a, b, c, d, e, f) was set. Some drivers leave uninitialised, denormal numbers."""
+    noise = any(v != 0 and abs(v) < sys.float_info.min for v in T)
+    return not noise and all(map(math.isfinite, T)) and T != [1, 0, 0, 0, 1, 0] and T[0] * T[4] - T[1] * T[3] != 0
+
+
+def _with_cell(cell: float, T: list[float], shape: tuple[int, int], frame: Georeference, name: str) -> list[float]:
+    """Return the transform of a file with cells of a given side, its south-west corner at (0, 0)."""
+    try:
+        side = float(cell)
+    except (TypeError, ValueError):
+        side = math.nan
+    if not (math.isfinite(side) and side > 0):
+        raise TerrainError(f"cell is {cell!r}: give the side of a cell, a finite number of metres above 0")
+    if frame.crs is not None and _is_placed(T):
+        raise TerrainError(f"{name} has a CRS and cells of {math.hypot(T[0], T[3]):.6g} by its own georeference: leave cell out")
+    return [side, 0.0, 0.0, 0.0, -side, side * shape[0]]
+
+
+def _check_band(file: Any, source: str, band: int) -> None:
+    """Raise an error unless a band holds numbers that can be heights."""
+    name = short_name(source)
+    if file.count == 0 and file.subdatasets:
+        listed = ", ".join(repr(s) for s in file.subdatasets[:6]) + (", …" if len(file.subdatasets) > 6 else "")
+        raise TerrainError(f"{name} holds several rasters: give one of them as the file, {listed}")
+    if not isinstance(band, int | np.integer) or not 1 <= band <= file.count:
+        raise TerrainError(f"{name} has {file.count} band(s), counted from 1; band {band!r} is not one of them")
+    if np.dtype(file.dtypes[band - 1]).kind not in "iuf":
+        raise TerrainError(f"band {band} of {name} holds {file.dtypes[band - 1]}, not heights: choose another band")
+    colour = file.colorinterp[band - 1].name.lower()
+    if colour in COLOURS:
         raise TerrainError(
-            f"{name} counts in degrees ({crs.to_string()}): reproject it to metres first, as with gdalwarp -t_srs EPSG:326NN"
+            f"band {band} of {name} is the {colour} of a picture, not heights: give the terrain model itself, or another band"
         )
-    if crs and crs.is_projected and abs(crs.linear_units_factor[1] - 1) > 1e-9:
-        raise TerrainError(f"{name} counts in {crs.linear_units_factor[0]}: reproject it to metres first, with gdalwarp -t_srs")
-    unit = raster.units[band - 1] or ""
-    if unit.lower() not in METRES:
-        raise TerrainError(f"band {band} of {name} holds heights in {unit!r}: convert them to metres first, with gdal_calc.py")
 
 
-def _inside(
-    centres: tuple[Array, Array], window: tuple[float, float, float, float], name: str
-) -> tuple[tuple[int, int], tuple[int, int]]:
-    """First and one-past-last column and row whose centres lie in the window."""
+def _height_unit(file: Any, name: str, band: int, frame: Georeference) -> float:
+    """Return the length of a band's unit, m: as the band, the label or the CRS states it."""
+    unit = file.units[band - 1] or ""
+    if not unit and "json:PDS" in file.tag_namespaces():
+        unit = _label_unit(file)
+    length = unit_length(unit)
+    if length is None and frame.height_unit is not None:
+        return frame.height_unit
+    if length is None:
+        raise TerrainError(
+            f"band {band} of {name} holds values in {unit!r}, which is not a known length: choose another band, or state the "
+            f"unit with rio edit-info --bidx {band} --units metre {name}"
+        )
+    return frame.height_unit if not unit.strip() and frame.height_unit is not None else length
+
+
+def _label_unit(file: Any) -> str:
+    """Return UNIT of the IMAGE object in a PDS3 label, which GDAL does not pass on; "" if there is none."""
+    import json
+
+    key, value = next(iter(file.tags(ns="json:PDS").items()), ("", ""))
+    for mark in ":=":  # rasterio splits the text at the first of these, as if it were a name and a value
+        try:
+            return str(json.loads(key + mark + value)["IMAGE"]["UNIT"]).strip("\"' ")
+        except (ValueError, KeyError, TypeError):
+            continue
+    return ""
+
+
+def _inside(centres: tuple[Array, Array], window: Window, name: str) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Return the first and one past the last column and row whose centres lie in the window."""
     try:
         box = np.asarray(window, dtype=float)
     except (TypeError, ValueError):

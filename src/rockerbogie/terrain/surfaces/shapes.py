@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import TerrainError
-from ..heightfield import Interpolation, Terrain
+from ..heightfield import Terrain
+from ..window import Interpolation
 from ._grid import centred, finite, positive, span
 
 Array = NDArray[np.float64]

@@ -1,0 +1,171 @@
+"""Missing data that a file does not declare, and heights in steps: a look at the stored values themselves."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+HUGE = 1e20  # stored values from here on are never heights: ISIS NULL -3.4e38, netCDF 9.97e36, Surfer 1.7e38, 1e20
+#: Values that files store for missing data. ISIS uses the lowest 17 values of 16 bits.
+NAMED = frozenset(
+    {sign * value for value in (999.0, 9999.0, 99999.0, 999999.0, 9999999.0, 9999.9, 32767.0, 2147483647.0) for sign in (-1, 1)}
+    | {float(-32768 + k) for k in range(17)}
+    | {-10000.0, -100000.0, -1e6, 65535.0, -2147483648.0, 4294967295.0, -1e10, 1e10}
+)
+NEAR = 0.01  # a value of `NAMED` is a height if another height differs from it by less than this share
+ALONE = (10.0, 2.0)  # m, and times the range of all other heights: how far from them an extreme value is no height
+CLIFF = 2.0  # slope between a value and its neighbours that is not taken for terrain
+KEPT = 8  # extreme values compared
+SAMPLE = 50_000  # values that steps are looked for in
+STEP_NOTE = math.radians(0.5)  # steps that are steeper between neighbouring cells cause a warning
+
+
+@dataclass
+class Screening:
+    """Search for undeclared missing data and for steps, in one pass over a file's stored values."""
+
+    name: str  # of the file, for messages
+    spacing: tuple[float, float]  # m, between the file's columns and between its rows
+    scale: float  # heights are scale · stored + offset, m
+    offset: float
+    lowest: set[float] = field(default_factory=set)  # the `KEPT` lowest stored values so far
+    highest: set[float] = field(default_factory=set)
+    huge: set[float] = field(default_factory=set)
+    borders: dict[float, list[int]] = field(default_factory=dict)  # value -> [pixels, borders, steep borders]
+    rows: list[NDArray[Any]] = field(default_factory=list)  # sample for steps
+    sampled: int = 0
+
+    def add(self, raw: Any) -> None:
+        """Look at the next rows.
+
+        Args:
+            raw: (rows, cols) masked array of stored values.
+        """
+        values = np.asarray(raw.data)
+        known = ~np.ma.getmaskarray(raw)
+        if values.dtype.kind == "f":
+            with np.errstate(invalid="ignore"):
+                large = known & ~(np.abs(values) < HUGE)
+            if large.any():
+                strange = values[large]
+                self.huge |= {float(v) for v in np.unique(strange[~np.isnan(strange)])[:KEPT]}
+                known &= ~large
+        found = values if known.all() else values[known]
+        if found.size == 0:
+            return
+        low, high = self._extremes(found, 1), self._extremes(found, -1)
+        self.lowest = set(sorted(self.lowest | low)[:KEPT])
+        self.highest = set(sorted(self.highest | high)[-KEPT:])
+        for value in (0.0, *NAMED):
+            if min(low) <= value <= max(high):
+                self._add_borders(values, known, value)
+        for row in range(len(values) // 2, len(values), 1 + len(values) // 8):
+            if self.sampled < SAMPLE and known[row].all():
+                self.rows.append(values[row, :SAMPLE].copy())
+                self.sampled += self.rows[-1].size
+
+    def _extremes(self, found: NDArray[Any], sign: int) -> set[float]:
+        """Return the lowest (sign 1) or highest (-1) stored values, as far as the next one stands far off."""
+        ends: list[float] = []
+        pick = np.min if sign > 0 else np.max
+        while found.size and len(ends) < KEPT + len(NAMED):
+            ends.append(float(pick(found)))
+            far = len(ends) < 2 or abs(ends[-1] - ends[-2]) * abs(self.scale) >= ALONE[0]
+            if not (far or ends[-1] in NAMED):
+                break
+            found = found[found > ends[-1]] if sign > 0 else found[found < ends[-1]]
+        return set(ends)
+
+    def _add_borders(self, values: NDArray[Any], known: NDArray[np.bool_], value: float) -> None:
+        """Count the pixels of a value, their borders with other values, and the steep ones among these."""
+        same = known & (values == value)
+        if not same.any():
+            return
+        counts = self.borders.setdefault(value, [0, 0, 0])
+        counts[0] += int(same.sum())
+        for axis, step in ((1, self.spacing[0]), (0, self.spacing[1])):
+            first, second = (np.take(same, range(*span), axis) for span in ((0, same.shape[axis] - 1), (1, same.shape[axis])))
+            border = (first != second) & np.take(known, range(same.shape[axis] - 1), axis)
+            border &= np.take(known, range(1, same.shape[axis]), axis)
+            rise = np.abs(np.diff(values.astype(np.float64), axis=axis)[border]) * abs(self.scale)
+            counts[1] += rise.size
+            counts[2] += int((rise > CLIFF * step).sum())
+
+    def fills(self) -> tuple[float, ...]:
+        """Return the stored values that mean missing data beyond those declared, in ascending order."""
+        found: set[float] = set(self.huge)
+        found |= {
+            value
+            for value, (_, borders, steep) in self.borders.items()
+            if value != 0 and steep >= 0.9 * borders and self._named_alone(value)
+        }
+        rest = sorted((self.lowest | self.highest) - found)
+        while len(rest) > 2:
+            low, high = rest[1] - rest[0], rest[-1] - rest[-2]
+            side = 0 if low >= high else -1
+            others = (rest[-1] - rest[1]) if side == 0 else (rest[-2] - rest[0])
+            gap = max(low, high)
+            if not (others > 0 and gap * abs(self.scale) >= ALONE[0] and gap > ALONE[1] * others):
+                break
+            found.add(rest.pop(side))
+        return tuple(sorted(found))
+
+    def _named_alone(self, value: float) -> bool:
+        """Return True if no extreme height that is not itself in `NAMED` lies close to a value of `NAMED`."""
+        others = [v for v in self.lowest | self.highest if v not in NAMED]
+        return all(abs(v - value) > NEAR * abs(value) for v in others)
+
+    def notes(self, fills: tuple[float, ...]) -> list[str]:
+        """Return warnings, one sentence each.
+
+        Args:
+            fills: what `fills` has returned.
+        """
+        told = []
+        if fills:
+            listed = ", ".join(f"{v:.10g}" for v in fills[:4]) + (", …" if len(fills) > 4 else "")
+            heights = [v for v in self.lowest | self.highest if v not in fills]
+            span = ""
+            if heights:
+                ends = sorted(self.scale * v + self.offset for v in (min(heights), max(heights)))
+                span = f", far from its other heights ({ends[0]:.6g} to {ends[1]:.6g} m)"
+            told.append(
+                f"{self.name} stores {listed}{span}, and does not declare it as missing data: taken as missing; to declare it, "
+                f"use gdal_edit.py -a_nodata"
+            )
+        pixels, borders, steep = self.borders.get(0.0, [0, 0, 0])
+        if 0.0 not in fills and borders and steep >= 0.9 * borders:
+            told.append(
+                f"{self.name} stores exactly 0 in {pixels} pixels, with cliffs around them: if 0 means missing data, declare it "
+                f"with gdal_edit.py -a_nodata 0 {self.name}, or make the file again with gdalwarp -dstnodata nan"
+            )
+        step = self._step(fills)
+        angle = math.atan2(step, min(self.spacing))
+        if angle > STEP_NOTE:
+            told.append(
+                f"heights of {self.name} come in steps of {step:.3g} m, which is {math.degrees(angle):.2g}° from one cell to the "
+                f"next: angles of a rover may be wrong by up to that"
+            )
+        return told
+
+    def _step(self, fills: tuple[float, ...]) -> float:
+        """Return the step that all heights are multiples of, m; 0 if there is none or it does not show."""
+        rows = [row.astype(np.float64) for row in self.rows if not np.isin(row, fills).any()]
+        if not rows:
+            return 0.0
+        values = np.unique(np.concatenate(rows))
+        if not 6 <= len(values) <= self.sampled / 2:
+            return 0.0
+        start, least = values[0], float(np.diff(values).min())
+        step = float(values[-1] - start) / max(round((values[-1] - start) / least), 1)
+        multiple = (values - start) / step
+        if not np.abs(multiple - np.rint(multiple)).max() < 0.05:
+            return 0.0
+        uneven = np.concatenate([np.abs(np.diff(row, 2)) > 0.5 * step for row in rows])
+        return step * abs(self.scale) if uneven.size and uneven.mean() > 0.02 else 0.0
