@@ -1,6 +1,7 @@
-"""Spoils robot files: byte by byte, and in ways that keep them readable. `python tests/fuzz/mutate.py 10000` runs that many.
+"""Mutate robot files, byte by byte and in ways that keep them readable: `python tests/fuzz/mutate.py 10000` runs that many.
 
-Every spoilt file must give a rover that can be, or one `RoverError`; nothing else, and soon.
+Every mutated file must give a possible rover or one `RoverError`, within `LONGEST`. URDF files that MuJoCo reads too must agree
+with it: the pivots' and hubs' positions, and the sum of the masses.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 import rockerbogie as rb
-from rockerbogie.rover.formats import build_rover, read_trees, to_sdf, to_toml, to_urdf
+from rockerbogie.rover.formats import ImportResult, build_rover, read_trees, to_sdf, to_toml, to_urdf
 from rockerbogie.rover.formats.toml_read import read_toml
 
 #: Numbers that have broken readers before.
@@ -46,8 +47,8 @@ LONGEST = 5.0
 
 
 def sources() -> dict[str, str]:
-    """The files to spoil: our own, whole and small, and in the manner of others."""
-    from support import foreign
+    """Return the files to mutate: our own exports, and files in the styles of others."""
+    from support import foreign, probe
 
     files = {}
     for name in ("curiosity", "elhami-dashti", "sawppy"):
@@ -57,11 +58,21 @@ def sources() -> dict[str, str]:
     files |= {"bar.urdf": to_urdf(bar, ros2_control=True), "bar.toml": to_toml(bar)}
     for name, style in foreign.STYLES.items():
         files[f"{name}.urdf"] = style(rb.load_rover("curiosity"))
+    files |= {"probe.urdf": probe.urdf(), "probe.sdf": probe.sdf(), "probe14.sdf": probe.sdf("1.4", 1.5707963267948966)}
+    inner = probe.sdf().partition('<model name="probe">')[2].partition("</model>")[0]
+    nested = f'<model name="probe"><pose>5 4 0.3 0 0 1</pose>{inner}</model><frame name="f" attached_to="probe"/>'
+    files["nested.sdf"] = (
+        f'<sdf version="1.9"><world name="w"><model name="yard"><link name="slab"/>{nested}</model></world></sdf>'
+    )
+    hull = '<mesh name="hull" vertex="0 0 0  .2 0 0  0 .2 0  0 0 .2"/>'
+    body = '<geom type="box" size="0.3 0.18 0.1" mass="5"/><geom type="mesh" mesh="hull" mass="15"/>'
+    tie = '<joint joint1="steer_Rr" joint2="steer_Rl" polycoef="0 -0.8 0 0.3 0"/>'
+    files |= {"probe.xml": probe.mjcf(), "mesh.xml": probe.mjcf(body, hull, tie), "osr.xml": rb.to_mjcf(rb.load_rover("osr"))}
     return files
 
 
 def spoil(name: str, text: str, rng: random.Random) -> str:
-    """One spoilt copy."""
+    """Return one mutated copy."""
     ways = [_bytes, _numbers, _lines]
     if not name.endswith(".toml"):
         ways += [_elements, _elements, _attributes]
@@ -158,15 +169,83 @@ def _attributes(text: str, rng: random.Random) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def read(name: str, text: str) -> rb.Rover:
-    """The rover of a file's text."""
+def read(name: str, text: str) -> tuple[rb.Rover, ImportResult | None]:
+    """Return the rover of a file's text, and the import's report if it is a robot file."""
     if name.endswith(".toml"):
-        return read_toml(text, name)
-    return build_rover(read_trees(text.encode("utf-8", "surrogatepass"), name), name).rover
+        return read_toml(text, name), None
+    result = build_rover(read_trees(text.encode("utf-8", "surrogatepass"), name), name)
+    return result.rover, result
+
+
+def agrees_with_mujoco(text: str, result: ImportResult) -> bool:
+    """Check an imported URDF against MuJoCo's reading of it; return False if MuJoCo refuses the file.
+
+    Joints are found by the names in the report. Distances between pivots and hubs do not depend on the frame; hubs are compared
+    in the side view, as they are moved along their axles to the tread. Files with joints that are not at 0 at rest, with laid or
+    freed hinges, or with a scale are left out.
+    """
+    import mujoco
+
+    report = " ".join((*result.repaired, *result.guessed, *result.dropped))
+    if any(
+        word in report for word in ("zero angles", "lie up to", "fixed to the body", "fixed joints", "two arms", "more than one")
+    ):
+        return False
+    root = _parse(text)  # None for a prefix that is not declared, which the package's parser lets pass
+    if root is None:
+        return False
+    if any(joint.find("limit") is not None and _locked(joint.find("limit")) for joint in root.findall("joint")):
+        return False
+    masses = [link.find("inertial") for link in root.findall("link")]
+    values = [None if inertial is None else inertial.find("mass") for inertial in masses]
+    total = sum(float(mass.get("value") or 0) for mass in values if mass is not None)
+    guessed = any(word in report for word in ("mass", "no joint joins"))
+    assert guessed or abs(result.rover.mass - total) <= 1e-6 * total, f"mass {result.rover.mass}, the file's sum is {total}"
+    for element in root.iter("link"):
+        for part in [e for e in element if e.tag in ("visual", "collision", "inertial")]:
+            element.remove(part)
+        element.append(ElementTree.fromstring(SOLID))
+    for parent in list(root):
+        if parent.tag not in ("link", "joint"):
+            root.remove(parent)
+    for joint in root.findall("joint"):
+        for tag in ("mimic", "limit"):
+            for child in joint.findall(tag):
+                joint.remove(child)
+        if joint.get("type") == "revolute":
+            joint.set("type", "continuous")
+    try:
+        model = mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"))
+    except ValueError:
+        return False
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    names = {line.split(" ")[0]: line.partition(" ")[2].split(", ") for line in result.found[:3]}
+    rover = result.rover
+    pairs = [(names["bogies"], rover.bogie_pivot)] + ([(names["rockers"], rover.rocker_pivot)] if "rockers" in names else [])
+    theirs = np.concatenate([[data.joint(n).xanchor for n in joints] for joints, _ in pairs])
+    ours = np.concatenate([points for _, points in pairs])
+    size = rover.wheelbase
+    gap = np.linalg.norm(theirs[:, None] - theirs[None], axis=-1) - np.linalg.norm(ours[:, None] - ours[None], axis=-1)
+    assert np.abs(gap).max() < 1e-6 * size, "pivots are apart as in MuJoCo"
+    axle = data.joint(names["bogies"][0]).xaxis
+    hubs = np.array([data.joint(n).xanchor for n in names["wheels"]]) - theirs[0]
+    side = np.linalg.norm(hubs - np.outer(hubs @ axle, axle), axis=1)
+    own = np.linalg.norm((rover.hubs - ours[0])[:, [0, 2]], axis=1)
+    assert np.abs(side - own).max() < 1e-6 * size, "hubs are as far from the left bogie's pivot as in MuJoCo, in the side view"
+    return True
+
+
+SOLID = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+
+
+def _locked(limit: ElementTree.Element | None) -> bool:
+    """Return True for limits that hold a joint at one angle (both equal, or a missing one read as 0)."""
+    return limit is not None and float(limit.get("lower") or 0) == float(limit.get("upper") or 0)
 
 
 def check(rover: rb.Rover) -> None:
-    """That a rover can be: said here once more, apart from the package's own checks."""
+    """Check that a rover is possible, independently of the package's own checks."""
     lengths = [
         rover.rocker_pivot,
         rover.bogie_pivot,
@@ -182,7 +261,7 @@ def check(rover: rb.Rover) -> None:
     assert (rover.hubs[::2, 1] > rover.hubs[1::2, 1]).all(), "left is right"
     assert 0.01 < rover.wheelbase < 30, "no rover has this size"
     for low, high in (rover.rocker_limits, rover.bogie_limits):
-        assert low <= 0 <= high, "its rest is beyond a stop"
+        assert low <= 0 <= high, "its rest is beyond a joint limit"
         assert low < high, "it cannot move"
     slope = np.polynomial.polynomial.polyder(rover.differential)
     reach = np.linspace(*np.where(np.isfinite(rover.rocker_limits), rover.rocker_limits, 0.0), 50)
@@ -196,12 +275,12 @@ def check(rover: rb.Rover) -> None:
         assert moments[0] >= -1e-9 * max(moments[2], 1e-300), "an inertia is negative"
         assert moments[2] <= moments[:2].sum() + 1e-5 * moments[2] + 1e-12, "an inertia breaks the triangle"
     frames = rb.wheel_frames(rover, 0.1, [0.1, -0.1])
-    assert np.isfinite(frames).all(), "its wheels stand nowhere"
+    assert np.isfinite(frames).all(), "wheel frames are not finite"
     assert np.isfinite(rover.packed[np.isfinite(rover.packed)]).all()
 
 
 def run(count: int, seed: int = 0) -> Counter[str]:
-    """Spoil and read `count` files; how many were refused, and how many taken."""
+    """Mutate and read `count` files; return how many were refused, taken, and compared with MuJoCo."""
     rng = random.Random(seed)
     files = sources()
     names = sorted(files)
@@ -214,7 +293,7 @@ def run(count: int, seed: int = 0) -> Counter[str]:
             text = spoil(name, files[name], rng)
             start = time.perf_counter()
             try:
-                rover = read(name, text)
+                rover, result = read(name, text)
             except rb.RoverError as error:
                 tally["refused"] += 1
                 tally["longest_message"] = max(tally["longest_message"], len(str(error)))
@@ -224,7 +303,9 @@ def run(count: int, seed: int = 0) -> Counter[str]:
                 tally["taken"] += 1
                 try:
                     check(rover)
-                except AssertionError as error:
+                    if result is not None and name.endswith(".urdf"):
+                        tally["compared"] += agrees_with_mujoco(text, result)
+                except (AssertionError, KeyError) as error:
                     raise AssertionError(f"seed {seed}, file {k} ({name}): {error}\n{text[:6000]}") from error
             taken = time.perf_counter() - start
             slowest = max(slowest, taken)

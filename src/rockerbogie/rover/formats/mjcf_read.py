@@ -11,7 +11,7 @@ import numpy as np
 from ...arrays import Array
 from ...errors import RoverError
 from .meshes import MAX_BYTES, Mesh, MeshFolder
-from .safe_xml import parse_xml
+from .safe_xml import LARGEST, parse_xml
 from .tree import Joint, Part, Shape, Tree, connected, place
 
 #: Elements that the mechanism does not need: they may read other files, or refer to elements that did.
@@ -25,6 +25,11 @@ JOINT_TIES = ("joint", "connect", "weld")
 #: A body with no mass but an unread mesh gets this mass (kg) from MuJoCo, and is read as having none.
 LEAST = 1e-9
 UNREAD = "rockerbogie_unread_"
+#: Arrays of a compiled model that are read, and must be finite.
+FINITE = (
+    "body_pos", "body_quat", "body_mass", "body_ipos", "body_iquat", "body_inertia", "jnt_pos", "jnt_axis", "qpos0", "geom_pos",
+    "geom_quat", "geom_size", "eq_data", "mesh_vert",
+)  # fmt: skip
 WORLD = "fused_with_world"
 
 
@@ -48,6 +53,8 @@ def read_mjcf(data: bytes | str, what: str = "model.xml", meshes: MeshFolder | N
         raise RoverError(f"{what}: its root element is <{root.tag[:40]}>; an MJCF begins with <mujoco>")
     if any(element.tag == "include" for element in root.iter()):
         raise RoverError(f"{what}: it includes other files; save it as one (mujoco.MjSpec.from_file(...).to_xml())")
+    if bad := next((f"{key}={value!r:.40}" for e in root.iter() for key, value in e.attrib.items() if _holds_nan(value)), ""):
+        raise RoverError(f"{what}: {bad} is not finite")
     tree = Tree(root.get("model") or "rover", {}, {})
     assets = _prepare(root, tree, meshes or MeshFolder(None))
     _wrap_world(root, tree)
@@ -55,8 +62,22 @@ def read_mjcf(data: bytes | str, what: str = "model.xml", meshes: MeshFolder | N
         model = mujoco.MjModel.from_xml_string(tostring(root, encoding="unicode"), assets)
     except (ValueError, mujoco.FatalError) as error:
         raise RoverError(f"{what}: MuJoCo refuses it: {' '.join(str(error).split())[:200]}") from None
+    for field in FINITE:
+        if not bool((np.abs(getattr(model, field)) <= LARGEST).all()):
+            raise RoverError(f"{what}: MuJoCo reads a number in {field} that is not finite or above {LARGEST:g}")
     _Model(mujoco, model, tree).fill()
     return connected(tree, what, loops=True)
+
+
+def _holds_nan(text: str) -> bool:
+    """Return True if a text consists of numbers of which one is NaN; MuJoCo writes a log file for each."""
+    words = text.lower().split()
+    if not any("nan" in word for word in words):
+        return False
+    try:
+        return any(np.isnan(float(word)) for word in words)
+    except ValueError:
+        return False
 
 
 def _prepare(root: Element, tree: Tree, meshes: MeshFolder) -> dict[str, bytes]:

@@ -45,6 +45,8 @@ def read_urdf(data: bytes | str, what: str = "robot.urdf", meshes: MeshFolder | 
     tree = Tree(robot.get("name") or "rover", {}, {})
     for link in robot.findall("link"):
         part = reader.link(link)
+        if len(link.findall("inertial")) > 1:
+            tree.notes.append(f"link {part.name!r} has more than one <inertial>: the first is read")
         if part.name in tree.parts:
             raise RoverError(f"{what}: two links are called {part.name!r}")
         tree.parts[part.name] = part
