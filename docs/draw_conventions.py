@@ -54,14 +54,14 @@ def linkage(ax: Axes, rho: float, beta: float, colour: str) -> tuple[np.ndarray,
     """The left rocker and bogie from the side; gives back the bogie pivot and the hubs (3, 2) on the page."""
     hubs = rb.wheel_frames(ROVER, rho, [beta, 0.0])[::2, :3, 3][:, SIDE]
     pivot = ROVER.rocker_pivot[0]
-    knee = (pivot + rotation_y(rho) @ (ROVER.bogie_pivot[0] - pivot))[list(SIDE)]
-    for a, b in ((hubs[0], pivot[list(SIDE)]), (pivot[list(SIDE)], knee), (knee, hubs[1]), (knee, hubs[2])):
+    bogie = (pivot + rotation_y(rho) @ (ROVER.bogie_pivot[0] - pivot))[list(SIDE)]
+    for a, b in ((hubs[0], pivot[list(SIDE)]), (pivot[list(SIDE)], bogie), (bogie, hubs[1]), (bogie, hubs[2])):
         ax.plot(*np.transpose([a, b]), color=colour, lw=3, solid_capstyle="round", zorder=3)
     for hub in hubs:
         ax.add_patch(Circle(tuple(hub), R, fill=False, ec=colour, lw=2, zorder=3))
-    for joint in (knee, pivot[list(SIDE)]):
+    for joint in (bogie, pivot[list(SIDE)]):
         ax.add_patch(Circle(tuple(joint), 0.014, fc="white", ec=colour, lw=1.6, zorder=5))
-    return knee, hubs
+    return bogie, hubs
 
 
 def body(ax: Axes, axes: tuple[int, int], T: np.ndarray, colour: str) -> None:
@@ -84,12 +84,12 @@ def frame_view(ax: Axes, axes: tuple[int, int], angles: tuple[float, float, floa
 
 
 def rest(ax: Axes) -> str:
-    knee, hubs = linkage(ax, 0.0, 0.0, INK)
+    bogie, hubs = linkage(ax, 0.0, 0.0, INK)
     arrow(ax, np.zeros(2), [0.3, 0], FRAME, "$x_R$")
     arrow(ax, np.zeros(2), [0, 0.2], FRAME, "$z_R$", gap=1.2)
     ax.plot([-0.45, 0.68], [hubs[0, 1] - R] * 2, color=GROUND, lw=1.5)
     ax.text(-0.04, 0.03, "R, D", ha="right", color=FRAME)
-    ax.text(knee[0] + 0.03, knee[1] + 0.03, "$B_1$", color=INK)
+    ax.text(bogie[0] + 0.03, bogie[1] + 0.03, "$B_1$", color=INK)
     for i, hub in enumerate(hubs):
         ax.text(hub[0], hub[1] - R - 0.06, f"$A_{2 * i + 1}$  {ROVER.wheel_names[2 * i]}", ha="center", va="center", color=INK)
     return "1  The left side at rest\nx forward, z up, y into the page: to the left of the rover"
@@ -97,9 +97,9 @@ def rest(ax: Axes) -> str:
 
 def joints(ax: Axes) -> str:
     linkage(ax, 0.0, 0.0, FAINT)
-    knee, _ = linkage(ax, np.radians(14), np.radians(16), LEFT)
+    bogie, _ = linkage(ax, np.radians(14), np.radians(16), LEFT)
     turn(ax, np.zeros(2), 0.19, 25, -50, RIGHT, r"$\rho$")
-    turn(ax, knee, 0.15, 50, -60, RIGHT, r"$\beta_1$")
+    turn(ax, bogie, 0.15, 50, -60, RIGHT, r"$\beta_1$")
     return "2  Rocker and bogie: nose down is positive\nthe right rocker turns by $-\\rho$; $\\beta$: the bogie to its rocker"
 
 

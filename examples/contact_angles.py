@@ -19,7 +19,7 @@ grounds = {
 
 
 def paper_error(pose: rb.Pose) -> np.ndarray:
-    """Eqs 14-16 less the exact angle, (n, 6) deg, both at the exact pose and contact."""
+    """Return eqs 14-16 minus the exact angle (n, 6), deg, both at the exact pose and contact."""
     place, heading = pose.contact_point, pose.yaw[..., None] + pose.steering
     slope = pose.terrain.gradient(place[..., 0], place[..., 1])
     uphill = slope[..., 0] * np.cos(heading) + slope[..., 1] * np.sin(heading)
@@ -30,7 +30,7 @@ def spread(values: np.ndarray) -> str:
     return f"{np.sqrt((values**2).mean()):.3f} | {np.abs(values).max():.2f}"
 
 
-print("| ground | largest roll, deg | steered, deg | wheels | RMS, deg | worst, deg |\n" + "|---" * 6 + "|")
+print("| terrain | largest roll, deg | steered, deg | wheels | RMS, deg | worst, deg |\n" + "|---" * 6 + "|")
 for name, (terrain, x, y, yaw) in grounds.items():
     for steered in (0, 10, 20):
         pose = rb.settle(rover, terrain, x, y, yaw, steering=np.radians([steered, steered, 0, 0, 0, 0]))
@@ -38,12 +38,12 @@ for name, (terrain, x, y, yaw) in grounds.items():
         wheels = ("rear", error[:, :2]) if steered else ("all", error)
         print(f"| {name} | {roll:.1f} | {steered} | {wheels[0]} | {spread(wheels[1])} |")
 
-print("\n| ground | stations | number | z, mm | roll, deg | pitch, deg | rocker, deg | bogies, deg |\n" + "|---" * 8 + "|")
+print("\n| terrain | stations | number | z, mm | roll, deg | pitch, deg | rocker, deg | bogies, deg |\n" + "|---" * 8 + "|")
 for name, (terrain, x, y, yaw) in grounds.items():
     exact, paper = rb.settle(rover, terrain, x, y, yaw), fsolve_settle(rover, terrain, x, y, yaw)
     off = np.abs(paper.q - exact.q) * ([1e3] + [np.degrees(1.0)] * 5)
-    sunk = paper.gap.min(axis=-1) < -1e-5  # a wheel is in the ground elsewhere than at its one contact
-    for label, which in (("one contact holds", ~sunk), ("a wheel is in the ground", sunk)):
+    sunk = paper.gap.min(axis=-1) < -1e-5  # the wheel penetrates the terrain elsewhere than at its one contact
+    for label, which in (("one contact", ~sunk), ("a wheel penetrates", sunk)):
         if which.any():
             worst = [*off[which, :4].max(axis=0), off[which, 4:].max()]
             print(f"| {name} | {label} | {which.sum()} of {which.size} | " + " | ".join(f"{w:.2g}" for w in worst) + " |")
