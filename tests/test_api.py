@@ -1,4 +1,4 @@
-"""Public names: every returned type is exported, and every name is documented in docs/api.md."""
+"""Public names: returned types are exported, and docs/api.md documents every name."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ CONTRACTS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 
 
 def contract(container: str) -> list[list[str]]:
-    """Return the layers of a container from the contract, highest first, each with its modules in alphabetical order."""
+    """Return the layers of a container, highest first, each with its modules sorted."""
     layers = next(c["layers"] for c in CONTRACTS if c["type"] == "layers" and c["containers"] == [container])
     return [sorted(re.findall(r"\w+", layer)) for layer in layers]
 

@@ -1,4 +1,4 @@
-"""Documents that run, and tables in them that say what the code says."""
+"""Code in the documents runs, and tables in them equal those of the code."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 )
 def test_python_in_the_pages_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     blocks = re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
-    monkeypatch.chdir(tmp_path)  # so that what an example writes lands nowhere else
+    monkeypatch.chdir(tmp_path)  # outputs of examples go there
     names: dict[str, object] = {}
-    for block in blocks:  # one after the other, as a reader would type them
+    for block in blocks:  # in order, in one namespace
         exec(compile(block, page.name, "exec"), names)
 
 
@@ -32,13 +32,13 @@ def test_links_to_files_lead_somewhere(page: Path) -> None:
         assert (page.parent / target).exists(), f"{page.name} points to {target}"
 
 
-def test_the_status_table_is_the_codes() -> None:
+def test_conventions_hold_the_status_table() -> None:
     page = (ROOT / "docs" / "conventions.md").read_text(encoding="utf-8")
     for status, (meaning, remedy) in MEANING.items():
         assert f"| {int(status)} | {status.name} | {meaning} | {remedy} |" in page
 
 
-def test_every_public_name_has_its_place_in_the_reference() -> None:
+def test_every_public_name_is_in_the_reference() -> None:
     page = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
     assert {name for name in rb.__all__ if not re.search(rf":: rockerbogie\.(\w+\.)?{name}$", page, re.MULTILINE)} == {
         "__version__"
@@ -52,7 +52,7 @@ def test_one_version_everywhere() -> None:
     assert f"## [{rb.__version__}]" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
 
 
-def test_the_page_of_status_codes_is_the_code_s_own() -> None:
+def test_the_status_page_holds_the_status_table() -> None:
     page = (Path(__file__).parents[1] / "docs" / "status.md").read_text()
     for status, (what, remedy) in MEANING.items():
         assert f"| {int(status)} | {status.name} | {what} | {remedy} |" in page

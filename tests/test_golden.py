@@ -1,4 +1,4 @@
-"""Golden outputs: a subset is recomputed and compared with the stored file; the comparison finds what it should."""
+"""Golden outputs: a subset equals the stored file, and the comparison finds differences."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_cases_cover_every_surface_and_preset() -> None:
 
 @pytest.fixture
 def checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """`checked(before, after, exact)`: the report of a check of outputs `after` against a file of outputs `before`."""
+    """Return `checked(before, after, exact)`, which compares outputs with a file of outputs."""
 
     def run(before: dict[str, Any], after: dict[str, Any], exact: bool = True) -> golden.Report:
         for outputs, act in ((before, golden.write), (after, None)):

@@ -1,4 +1,4 @@
-"""What `import rockerbogie` gives and what it costs: counted in modules loaded, which no busy machine can blur."""
+"""Public names of `import rockerbogie`, and the modules that importing them loads."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ HEAVY = {
 
 
 def loaded_by(code: str) -> set[str]:
-    """Which of the heavy packages a fresh interpreter holds after running `code`."""
+    """Return the heavy packages that a fresh interpreter has loaded after running `code`."""
     report = f"{code}\nimport sys\nprint(*({HEAVY!r} & set(sys.modules)))"
     return set(subprocess.run([sys.executable, "-c", report], check=True, capture_output=True, text=True).stdout.split())
 
@@ -52,7 +52,7 @@ def test_every_public_name_is_there(name: str) -> None:
 
 
 def test_type_checkers_see_the_same_names() -> None:
-    """The imports for type checkers and the table for the interpreter cannot be one thing; they must say one thing."""
+    """The imports for type checkers equal the table for the interpreter."""
     tree = ast.parse(Path(str(rb.__file__)).read_text(encoding="utf-8"))
     block = next(node for node in tree.body if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING")
     seen = {
@@ -78,7 +78,7 @@ def test_a_public_name_stays_when_its_module_is_imported_first(name: str) -> Non
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_a_name_that_is_not_there() -> None:
+def test_an_unknown_name_raises() -> None:
     with pytest.raises(AttributeError, match="module 'rockerbogie' has no attribute 'setle'"):
         _ = rb.setle  # type: ignore[attr-defined]
 
@@ -87,7 +87,7 @@ def test_the_version_is_the_packages() -> None:
     assert rb.__version__ == version("rockerbogie")
 
 
-def test_errors_are_of_one_family() -> None:
+def test_errors_have_one_base_class() -> None:
     for error in (rb.RoverError, rb.TerrainError, rb.PathError):
         assert issubclass(error, rb.RockerbogieError)
     assert issubclass(rb.RockerbogieError, ValueError)

@@ -1,4 +1,4 @@
-"""Wrong calls get one sentence that says what is wrong and how to mend it, never numpy's own."""
+"""Wrong calls raise one sentence that states the fault and the remedy."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ TWIST, RATES = np.zeros(6), np.zeros(6)
         (TWIST, [0, 0, np.inf, 0, 0, 0], {}, "wheel_rates holds 1 infinite values; mark a missing reading with nan"),
     ],
 )
-def test_wheel_slip_says_what_does_not_fit(rover, poses, twist, rates, more, says):
+def test_wheel_slip_reports_what_does_not_fit(rover, poses, twist, rates, more, says):
     with pytest.raises(rb.RockerbogieError, match=says):
         rb.wheel_slip(rover, poses, twist, rates, **more)
 
@@ -53,20 +53,20 @@ def test_wheel_slip_says_what_does_not_fit(rover, poses, twist, rates, more, say
         ({"expected_slip": np.zeros((5, 3))}, r"expected_slip has shape \(5, 3\); its last axes must be \(6, 3\)"),
     ],
 )
-def test_body_twist_says_what_does_not_fit(rover, poses, readings, says):
+def test_body_twist_reports_what_does_not_fit(rover, poses, readings, says):
     with pytest.raises(rb.RockerbogieError, match=says):
         rb.body_twist(rover, poses, **readings)
 
 
-def test_a_nan_reading_is_no_reading(rover, poses):
+def test_nan_marks_a_missing_reading(rover, poses):
     five = rb.body_twist(rover, poses, wheel_rates=[np.nan, 1, 1, 1, 1, 1])
     assert np.isfinite(five.twist).all()
-    assert np.isnan(five.residual[:, 0, 0]).all(), "the slip of a wheel whose motor is not read is not known"
+    assert np.isnan(five.residual[:, 0, 0]).all(), "the slip of a wheel without a reading is unknown"
     assert np.isfinite(five.residual[:, 1:]).all()
 
 
 @pytest.mark.parametrize("name", [None, 5, ["curiosity"]])
-def test_no_name_is_no_rover(name):
+def test_an_invalid_name_is_refused(name):
     with pytest.raises(rb.RoverError, match=r"names no rover: give a preset \(curiosity, .*\) or the path of a file"):
         rb.load_rover(name)
 
@@ -86,14 +86,14 @@ SIZES = {"wheel_radius": 0.1, "bogie_pivot": (-0.2, 0.3, 0.1), "hubs": [(0.5, 0.
         ({"hubs": np.multiply(SIZES["hubs"], (1, -1, 1))}, "a left hub does not stand left .* of its right one: y points left"),
     ],
 )
-def test_the_right_side_is_not_the_left(change, says):
+def test_exchanged_sides_are_refused(change, says):
     good = SIZES | {"rocker_pivot": (0, 0.3, 0.2)}
     assert rb.Rover.from_pivots(**good).hubs[0, 1] == 0.3
     with pytest.raises(rb.RoverError, match=says):
         rb.Rover.from_pivots(**(good | change))
 
 
-def test_places_that_do_not_go_together_are_told():
+def test_positions_that_do_not_broadcast_are_refused():
     ground = rb.surfaces.plane()
     for ask in (ground.height, ground.gradient, ground.normal):
         with pytest.raises(rb.RockerbogieError, match=r"x and y of shapes \(2,\) and \(3,\) must be numbers that broadcast"):
@@ -126,25 +126,25 @@ def raster(tmp_path):
         ({"window": 5}, "window 5 is not"),
     ],
 )
-def test_bands_and_windows_that_are_none(raster, more, says):
+def test_unknown_bands_and_windows_are_refused(raster, more, says):
     with pytest.raises(rb.TerrainError, match=says):
         rb.Terrain.from_raster(raster(np.ones((10, 10), dtype=np.float32)), **more)
 
 
 @pytest.mark.parametrize("value, kind", [(-32768, np.int16), (-9999, np.int32), (-9999, np.float32)])
-def test_what_looks_like_no_data_and_is_not_marked_is_told(raster, value, kind):
+def test_an_unmarked_no_data_value_gives_a_warning(raster, value, kind):
     z = np.arange(100).reshape(10, 10).astype(kind)
     z[2, 3] = value
     with pytest.warns(UserWarning, match=r"dem.tif stores -\d*, far from its other heights .* use gdal_edit.py -a_nodata"):
         rb.Terrain.from_raster(raster(z))
     with warnings.catch_warnings():
         warnings.simplefilter("error", UserWarning)
-        assert np.isnan(rb.Terrain.from_raster(raster(z, nodata=float(z[2, 3]))).z).sum() == 1, "marked, it is unknown ground"
+        assert np.isnan(rb.Terrain.from_raster(raster(z, nodata=float(z[2, 3]))).z).sum() == 1, "marked, it is missing data"
         z[2, 3] = -4
         rb.Terrain.from_raster(raster(z))
 
 
-def test_a_simulation_that_goes_nowhere_is_no_success(capsys):
+def test_a_simulation_that_does_not_move_exits_1(capsys):
     from rockerbogie.cli import main
 
     call = ["simulate", "--rover", "rocky7", "--terrain", "surface:plane", "--path", "0,0 0.6,0", "--speed", "0.2"]

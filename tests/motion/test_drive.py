@@ -1,4 +1,4 @@
-"""Drives: stations are settled poses, rates are their derivatives, mirrors and tilts are kept, files hold what was driven."""
+"""Drives: stations, rates, symmetries, steering, errors and files."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SHIFTS = ("x", "y", "z", "roll", "pitch", "yaw", "rocker", "bogie")
 
 @pytest.fixture(scope="module")
 def crossing() -> xr.Dataset:
-    """The paper's section III."""
+    """Return the run of the paper's section III."""
     return rb.drive(ROVER, rb.surfaces.paper(), rb.Path.straight((0, 0), 0, 4.0))
 
 
@@ -36,7 +36,7 @@ def test_stations_are_settled_poses() -> None:
     assert_close(run.time, run.distance / 0.02, 1e-12, "s", "2 cm/s")
 
 
-def test_the_dataset_says_what_it_is(crossing: xr.Dataset) -> None:
+def test_the_dataset_describes_itself(crossing: xr.Dataset) -> None:
     assert set(crossing.data_vars) == set(RUN_VARIABLES)
     for name, variable in crossing.variables.items():
         if name not in ("wheel", "side", "axis"):
@@ -54,7 +54,7 @@ def test_the_dataset_says_what_it_is(crossing: xr.Dataset) -> None:
 
 def test_the_papers_crossing_goes_as_the_paper_says(crossing: xr.Dataset) -> None:
     pitch, roll = np.degrees(crossing.pitch.values), np.degrees(crossing["roll"].values)
-    assert_close(crossing.gap, 0, 1e-6, "m", "six wheels on the ground all the way")
+    assert_close(crossing.gap, 0, 1e-6, "m", "six wheels in contact at every station")
     assert pitch[:10] == pytest.approx(-0.0322, abs=1e-4)  # the paper's own 0.3 mm
     assert pitch[crossing.distance < 1.6].max() < 0.1  # climbs nose up over the first half
     first = (crossing.distance > 0.55) & (crossing.distance < 1.1)
@@ -63,7 +63,7 @@ def test_the_papers_crossing_goes_as_the_paper_says(crossing: xr.Dataset) -> Non
     assert pitch.max() > 10  # and comes down
     assert roll.max() > 1  # the left hill is the higher: left side up
     level = crossing.sel(side="right").bogie.values[crossing.distance < 0.4]
-    assert_close(level, 0.000562, 1e-6, "rad", "the right bogie at rest while its wheels stand on one plane")
+    assert_close(level, 0.000562, 1e-6, "rad", "the right bogie keeps its angle while its wheels are on one plane")
 
 
 @pytest.mark.parametrize(
@@ -73,7 +73,7 @@ def test_the_papers_crossing_goes_as_the_paper_says(crossing: xr.Dataset) -> Non
 )
 @pytest.mark.parametrize("path", [ARC, rb.Path.from_arrays([-1, 0, 1], [0, 0.5, 0.4], [0.2, 0.6, 0.1])], ids=["arc", "log"])
 def test_rates_are_the_derivatives_of_the_poses(rover: rb.Rover, terrain: rb.Terrain, path: rb.Path) -> None:
-    """Against fourth-order differences; the steering held, as the rates have it."""
+    """Compare rates with fourth-order differences, with the steering held."""
     h, speed = 2e-4, 0.05
     s = np.linspace(5 * h, path.length - 5 * h, 400)
     s = s[np.abs(s[:, None] - path.distance).min(axis=1) > 3 * h]
@@ -90,7 +90,7 @@ def test_rates_are_the_derivatives_of_the_poses(rover: rb.Rover, terrain: rb.Ter
         assert_close(rates[f"{name}_rate"], difference, 2e-6 * max(1.0, np.abs(difference).max()), "1/s", f"d {name} / dt")
 
 
-def test_wide_wheels_have_rates_but_where_an_edge_takes_over() -> None:
+def test_wide_wheels_have_rates_except_where_contacts_change_edges() -> None:
     rover, terrain = rb.load_rover("perseverance"), rb.surfaces.rough(3, size=14.0, min_radius=0.6, spacing=0.03)
     s = np.arange(0, ARC.length, 1e-3)
     at = ARC.sample(s)
@@ -102,10 +102,12 @@ def test_wide_wheels_have_rates_but_where_an_edge_takes_over() -> None:
         assert np.quantile(off, 0.9) < 0.01 * np.abs(difference).max()  # at the others a contact jumps from edge to edge
 
 
-def test_wheels_turn_as_far_as_the_ground_is_long() -> None:
+def test_wheel_rates_follow_the_length_of_the_slope() -> None:
     slope = np.radians(20)
     run = rb.drive(ROVER, rb.surfaces.plane(slope, size=20), rb.Path.straight((-1, 0), 0, 2), speed=0.1)
-    assert_close(run.wheel_rate, 0.1 / np.cos(slope) / 0.1, 1e-9, "rad/s", "the map shows cos 20° of the way downhill")
+    assert_close(
+        run.wheel_rate, 0.1 / np.cos(slope) / 0.1, 1e-9, "rad/s", "the horizontal distance is cos 20° of the length of the slope"
+    )
 
 
 @pytest.mark.parametrize(
@@ -117,22 +119,22 @@ def test_wheels_turn_as_far_as_the_ground_is_long() -> None:
     ids=["arc", "waypoints"],
 )
 def test_a_mirror_mirrors_the_drive(path: rb.Path, mirrored: rb.Path) -> None:
-    """Left becomes right: y, yaw, roll, rocker and steering change sign, and wheels and sides change places."""
+    """Compare a drive with its mirror image: some variables change sign, sides are exchanged."""
     x0, _, _, y1 = ROUGH.bounds
     here = rb.drive(ROVER, ROUGH, path, step=0.03)
     there = rb.drive(ROVER, rb.Terrain.from_array(ROUGH.z[::-1], ROUGH.spacing, (x0, -y1)), mirrored, step=0.03)
     for name in ("x", "z", "pitch", "clearance", "status", "x_rate", "z_rate", "pitch_rate"):
         assert_close(there[name], here[name], 1e-9, RUN_VARIABLES[name][1], "the same in the mirror")
     for name in ("y", "yaw", "roll", "rocker", "y_rate", "roll_rate", "yaw_rate", "rocker_rate"):
-        assert_close(there[name], -here[name], 1e-9, RUN_VARIABLES[name][1], "the other way round in the mirror")
+        assert_close(there[name], -here[name], 1e-9, RUN_VARIABLES[name][1], "the opposite sign in the mirror")
     for name in ("bogie", "bogie_rate"):
-        assert_close(there[name], here[name].values[:, ::-1], 1e-9, RUN_VARIABLES[name][1], "left and right bogie change places")
+        assert_close(there[name], here[name].values[:, ::-1], 1e-9, RUN_VARIABLES[name][1], "left and right bogie are exchanged")
     for name, sign in (("contact_angle", 1), ("wheel_rate", 1), ("contact_angle_rate", 1), ("steering", -1)):
-        assert_close(there[name], sign * swapped(here[name]), 1e-7, RUN_VARIABLES[name][1], "and so do the wheels")
+        assert_close(there[name], sign * swapped(here[name]), 1e-7, RUN_VARIABLES[name][1], "and so are the wheels")
 
 
 def swapped(per_wheel: xr.DataArray) -> np.ndarray:
-    """(time, 6) with left and right wheels in each other's place."""
+    """Return values (time, 6) with left and right wheels exchanged."""
     return per_wheel.values[:, [1, 0, 3, 2, 5, 4]]
 
 
@@ -143,17 +145,17 @@ def test_a_tilted_plane_tilts_the_drive(aspect: float) -> None:
     tilted = rb.drive(ROVER, rb.surfaces.plane(slope, aspect), ARC, step=0.1)
     normal = np.array([np.sin(slope) * np.cos(aspect), np.sin(slope) * np.sin(aspect), np.cos(slope)])
     up = up_axis(tilted)
-    assert_close(up @ normal, up_axis(flat)[:, 2], 1e-9, "-", "the body stands to the plane as it did to the flat ground")
-    for name in ("rocker", "bogie"):
-        assert_close(tilted[name], flat[name], 1e-8, "rad", "joints feel no tilt")
-    above = (tilted.z + np.tan(slope) * (tilted.x * np.cos(aspect) + tilted.y * np.sin(aspect))) * np.cos(slope)
     assert_close(
-        above, flat.z, 1e-4, "m", "as high above the plane, measured across it; 0.6 mrad of pitch leans its foot by 0.2 mm"
+        up @ normal, up_axis(flat)[:, 2], 1e-9, "-", "the body's attitude relative to the plane is that on level terrain"
     )
+    for name in ("rocker", "bogie"):
+        assert_close(tilted[name], flat[name], 1e-8, "rad", "joint angles do not depend on tilt")
+    above = (tilted.z + np.tan(slope) * (tilted.x * np.cos(aspect) + tilted.y * np.sin(aspect))) * np.cos(slope)
+    assert_close(above, flat.z, 1e-4, "m", "as high above the plane, measured across it; 0.6 mrad of pitch moves it by 0.2 mm")
 
 
 def up_axis(run: xr.Dataset) -> np.ndarray:
-    """The body's z axis (time, 3) in the world."""
+    """Return the body's z axis (time, 3) in the world."""
     T = rb.body_transform(*(run[name] for name in ("x", "y", "z", "roll", "pitch", "yaw")))
     return T[:, :3, 2]
 
@@ -174,7 +176,7 @@ def test_ackermann_leaves_no_side_slip_on_wheels_that_steer(name: str, curvature
     assert_close(across[rover.steers], 0, 1e-12, "m/m", "each rolls along its own circle")
 
 
-def test_ackermann_is_straight_on_straight_ways_and_mirrors() -> None:
+def test_ackermann_is_0_on_straight_paths_and_mirrors() -> None:
     rover = rb.load_rover("perseverance")
     assert not ackermann(rover, 0.0).any()
     assert not ackermann(rover, 0.0, np.pi).any()  # backwards
@@ -191,18 +193,18 @@ def test_paths_steer_and_given_steering_is_kept() -> None:
     assert not held.steering.any()
     backwards = rb.drive(ROVER, ROUGH, rb.Path.from_arrays([1, 0], [0, 0], [0, 0]), step=0.1)
     assert not backwards.steering.any()
-    assert_close(backwards.x_rate, -0.02, 1e-12, "m/s", "it goes where the path goes")
+    assert_close(backwards.x_rate, -0.02, 1e-12, "m/s", "it moves along the path")
     assert (backwards.wheel_rate < 0).all()
 
 
 # -- the edges --------------------------------------------------------------------------------------------------------
 
 
-def test_stations_off_the_map_are_nan_and_say_so() -> None:
+def test_stations_off_the_map_are_nan_with_a_status() -> None:
     run = rb.drive(ROVER, ROUGH, rb.Path.straight((2, 0), 0, 3), step=0.01)
     off = run.status.values == rb.Status.OFF_MAP
     assert 0 < off.sum() < off.size
-    assert np.diff(off.astype(int)).tolist().count(1) == 1  # from one place on
+    assert np.diff(off.astype(int)).tolist().count(1) == 1  # from one station on
     for name in ("z", "roll", "rocker", "bogie", "contact_angle", "z_rate", "bogie_rate", "wheel_rate"):
         assert np.isnan(run[name].values[off]).all()
     assert np.isfinite(run.z.values[~off]).all()
@@ -211,7 +213,7 @@ def test_stations_off_the_map_are_nan_and_say_so() -> None:
     assert run.attrs["status_summary"] == f"{(~off).sum()} of 301 stations settled, {off.sum()} OFF_MAP (first at {first:.2f} m)"
 
 
-def test_holes_are_no_data() -> None:
+def test_missing_data_gives_no_data() -> None:
     z = np.array(ROUGH.z)
     z[195:205, 240:250] = np.nan
     run = rb.drive(ROVER, rb.Terrain.from_array(z, ROUGH.spacing, ROUGH.origin), rb.Path.straight((-1, 0.27), 0, 2), step=0.02)
@@ -219,7 +221,7 @@ def test_holes_are_no_data() -> None:
     assert set(run.status.values.tolist()) == {rb.Status.CONVERGED, rb.Status.NO_DATA}
 
 
-@pytest.mark.parametrize("start", [(50, 0), (3.9, 0)], ids=["far off", "its body on the map but no room for its wheels"])
+@pytest.mark.parametrize("start", [(50, 0), (3.9, 0)], ids=["far off", "body on the map, wheels off it"])
 def test_a_path_wholly_off_the_map_is_refused(start: tuple[float, float]) -> None:
     with pytest.raises(rb.PathError, match=r"lies wholly off the map, which spans \(-4, -4\) to \(4, 4\) m"):
         rb.drive(ROVER, ROUGH, rb.Path.straight(start, 0, 1))
@@ -240,7 +242,7 @@ def test_a_path_wholly_off_the_map_is_refused(start: tuple[float, float]) -> Non
         ({"steering": [0, 0, 0.1, 0, 0, 0]}, "LM of rover 'elhami-dashti' does not steer"),
     ],
 )
-def test_bad_drives_say_why(options: dict[str, object], sentence: str) -> None:
+def test_bad_arguments_are_refused(options: dict[str, object], sentence: str) -> None:
     with pytest.raises(rb.RockerbogieError, match=sentence):
         rb.drive(ROVER, ROUGH, ARC, **options)  # type: ignore[arg-type]
 
@@ -287,6 +289,6 @@ def test_csv_holds_every_number_under_a_stable_name(tmp_path: Path) -> None:
         assert_close(table[:, header.index(name)], column, 1e-9, "m", "ten digits")
 
 
-def test_csv_that_cannot_be_written_says_so(crossing: xr.Dataset, tmp_path: Path) -> None:
+def test_csv_that_cannot_be_written_is_an_error(crossing: xr.Dataset, tmp_path: Path) -> None:
     with pytest.raises(rb.RockerbogieError, match="cannot write .*no/run.csv': No such file or directory"):
         to_csv(crossing, tmp_path / "no" / "run.csv")

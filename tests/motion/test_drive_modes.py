@@ -43,7 +43,7 @@ def test_stations_are_equilibrium_poses(run) -> None:
 
 
 def test_rates_are_derivatives_with_wheels_off_the_ground(run) -> None:
-    """Against differences half a step to either side, at stations whose contacts and limits do not change."""
+    """Compare rates with differences at stations whose contacts and limits do not change."""
     active = np.concatenate([run.wheel_lifted.values, run.joint_stop.values], axis=1)
     alike = (active[1:-1] == active[:-2]).all(axis=1) & (active[1:-1] == active[2:]).all(axis=1)
     lifted = run.wheel_lifted.values.any(axis=1)[1:-1]

@@ -1,4 +1,4 @@
-"""Eqs 6-9 against the paper's own chain of matrices, differentiated numerically, and against Pinocchio's frame Jacobians."""
+"""Eqs 6-9 against numerical derivatives of the paper's chain of matrices and against Pinocchio."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from support.helpers import assert_close, paper_rover, random_rover
 SHAPES = [(), (1,), (3, 1, 2)]
 
 
-def random_stance(rng, shape, rover):
+def random_state(rng, shape, rover):
     angles = SimpleNamespace(
         rocker=np.asarray(rng.uniform(-0.5, 0.5, shape)),
         bogie=rng.uniform(-0.6, 0.6, (*shape, 2)),
@@ -25,18 +25,18 @@ def random_stance(rng, shape, rover):
 
 
 def uneven(rover: rb.Rover) -> rb.Rover:
-    """The same with a differential that is not quite one to one, as a bar's is not."""
+    """Return the rover with a nonlinear differential, like that of a bar."""
     return rover.replace(differential=np.array([0.0, -0.97, 0.11, -0.4]))
 
 
 def eq6(roll: float, side: float, turn: float) -> np.ndarray:
-    """The motion of the contact frame against where it was: rolled forward by rθ + ξ, slid by η, turned by ζ."""
+    """Return the motion of the contact frame: forward by rθ + ξ, to the side by η, turned by ζ."""
     c, s = np.cos(turn), np.sin(turn)
     return np.array([[c, -s, 0, roll], [s, c, 0, side], [0, 0, 1, 0], [0, 0, 0, 1.0]])
 
 
 def chain(rover, pose, steering, i, step):
-    """T_R̄,R of eq. 8 after `step` (9,) of each column's variable, for one pose: eqs 1-6 multiplied out."""
+    """Return T_R̄,R of eq. 8 after a step (9,) of the columns' variables, for one pose."""
 
     def T_body_contact(q):
         turn = np.zeros(6)
@@ -49,7 +49,7 @@ def chain(rover, pose, steering, i, step):
 
 
 def differenced(rover, pose, steering, i, h=1e-6):
-    """J (6, 9) by central differences of the chain."""
+    """Return J (6, 9) by central differences of the chain."""
     J = np.empty((6, 9))
     for k in range(9):
         step = np.zeros(9)
@@ -63,7 +63,7 @@ def differenced(rover, pose, steering, i, h=1e-6):
 def test_equals_central_differences_of_the_chain(shape):
     rng = np.random.default_rng(4)
     for rover in [paper_rover(), *(uneven(random_rover(rng)) for _ in range(4))]:
-        pose, steering = random_stance(rng, shape, rover)
+        pose, steering = random_state(rng, shape, rover)
         J = rb.wheel_jacobians(rover, pose, steering)
         assert J.shape == (*shape, 6, 6, 9)
         for at in np.ndindex(shape):
@@ -74,21 +74,22 @@ def test_equals_central_differences_of_the_chain(shape):
 
 
 def pinocchio_jacobian(pin, rover, pose, steering, i):
-    """J (6, 9) of wheel i from Pinocchio: a tree R → rocker → bogie → steering → δ → contact → x, y, ζ.
+    """Return J (6, 9) of wheel i from Pinocchio.
 
-    Pinocchio's spatial Jacobian has the body still and the contact moving by the suspension: that half changes sign.
+    The tree is R → rocker → bogie → steering → δ → contact → x, y, ζ. In Pinocchio's spatial Jacobian the body is fixed and
+    the suspension moves the contact, so that half changes sign.
     """
     model = pin.Model()
     side, hub = i % 2, rover.hubs[i]
     pivot = rover.rocker_pivot[side]
-    knee = rover.bogie_pivot[side] if i >= 2 else pivot
+    bogie_pivot = rover.bogie_pivot[side] if i >= 2 else pivot
     post = hub + np.append(rover.steering_offset[i], 0.0)
     place = lambda v: pin.SE3(np.eye(3), np.asarray(v, dtype=float))  # noqa: E731
     parent = 0
     for name, joint, at in [
         ("rocker", pin.JointModelRY(), pivot),
-        ("bogie", pin.JointModelRY(), knee - pivot),
-        ("steering", pin.JointModelRZ(), post - knee),
+        ("bogie", pin.JointModelRY(), bogie_pivot - pivot),
+        ("steering", pin.JointModelRZ(), post - bogie_pivot),
         ("delta", pin.JointModelRY(), hub - post),
         ("x", pin.JointModelPX(), [0, 0, -rover.wheel_radius[i]]),
         ("y", pin.JointModelPY(), [0, 0, 0]),
@@ -118,18 +119,18 @@ def test_equals_pinocchio():
     pin = pytest.importorskip("pinocchio", reason="Pinocchio (pin) is the second opinion; it is not installed")
     rng = np.random.default_rng(5)
     for rover in [paper_rover(), *(uneven(random_rover(rng)) for _ in range(20))]:
-        pose, steering = random_stance(rng, (), rover)
+        pose, steering = random_state(rng, (), rover)
         J = rb.wheel_jacobians(rover, pose, steering)
         expected = np.stack([pinocchio_jacobian(pin, rover, pose, steering, i) for i in range(6)])
-        assert_close(J, expected, 1e-10, "(m, rad)/rad", "the same chain in a library of others, both analytic")
+        assert_close(J, expected, 1e-10, "(m, rad)/rad", "the same chain in another library, both analytic")
 
 
-def test_straight_ahead_on_the_flat():
+def test_straight_ahead_on_level_terrain():
     rover = paper_rover()
     level = SimpleNamespace(rocker=0.0, bogie=np.zeros(2), contact_angle=np.zeros(6))
     J = rb.wheel_jacobians(rover, level)
     for i in range(6):
-        assert_close(J[i, :, 4], [0.1, 0, 0, 0, 0, 0], 1e-15, "m/rad", "a wheel of 0.1 m radius takes the body forward")
+        assert_close(J[i, :, 4], [0.1, 0, 0, 0, 0, 0], 1e-15, "m/rad", "a wheel of 0.1 m radius moves the body forward")
         turn = [rover.hubs[i, 1], -rover.hubs[i, 0], 0, 0, 0, 1]
         assert_close(J[i, :, 7], turn, 1e-15, "m/rad", "turning left about a contact under the hub moves the body across it")
     assert not J[2:, :, 3].any(), "only the paper's rear wheels steer"
@@ -139,17 +140,17 @@ def test_straight_ahead_on_the_flat():
 def test_system_holds_the_six():
     rng = np.random.default_rng(6)
     rover = random_rover(rng)
-    pose, steering = random_stance(rng, (3, 1, 2), rover)
+    pose, steering = random_state(rng, (3, 1, 2), rover)
     J, S = rb.wheel_jacobians(rover, pose, steering), system_jacobian(rover, pose, steering)
     rates = rng.normal(size=39)
     assert S.shape == (3, 1, 2, 36, 39)
     named = dict(zip(SYSTEM_COLUMNS, rates, strict=True))
     for i in range(6):
         own = np.array([named[c] if c in named else named[f"{c}_{i}"] for c in JACOBIAN_COLUMNS])
-        assert_close((S @ rates)[..., 6 * i : 6 * i + 6], J[..., i, :, :] @ own, 1e-13, "m/s, rad/s", "the same columns, placed")
+        assert_close((S @ rates)[..., 6 * i : 6 * i + 6], J[..., i, :, :] @ own, 1e-13, "m/s, rad/s", "the same columns")
 
 
-def test_wrong_calls_say_so():
+def test_wrong_calls_are_refused():
     rover = paper_rover()
     level = SimpleNamespace(rocker=0.0, bogie=np.zeros(2), contact_angle=np.zeros(6))
     with pytest.raises(rb.RockerbogieError, match="does not steer"):
@@ -159,10 +160,10 @@ def test_wrong_calls_say_so():
 
 
 @pytest.mark.nojit
-def test_memory_given_is_filled_with_the_same_and_frames_come_along():
+def test_given_arrays_are_filled_with_jacobians_and_frames():
     rng = np.random.default_rng(7)
     rover = uneven(random_rover(rng))
-    pose, steering = random_stance(rng, (5, 7), rover)  # more than one block, and not a whole number of them
+    pose, steering = random_state(rng, (5, 7), rover)  # more than one block, and not a whole number of them
     J = rb.wheel_jacobians(rover, pose, steering)
     out, frames = np.full(J.shape, np.nan), np.full((5, 7, 6, 4, 4), np.nan)
     assert rb.wheel_jacobians(rover, pose, steering, out=out, frames=frames) is out
@@ -170,14 +171,14 @@ def test_memory_given_is_filled_with_the_same_and_frames_come_along():
     assert_close(frames, wheel_frames(rover, pose.rocker, pose.bogie, steering), 1e-14, "m", "the same cascade")
     for at in np.ndindex(5, 7):
         one = SimpleNamespace(rocker=pose.rocker[at], bogie=pose.bogie[at], contact_angle=pose.contact_angle[at])
-        assert np.array_equal(rb.wheel_jacobians(rover, one, steering[at]), J[at]), "a pose knows nothing of its neighbours"
+        assert np.array_equal(rb.wheel_jacobians(rover, one, steering[at]), J[at]), "a pose does not depend on its neighbours"
 
 
 @pytest.mark.nojit
-def test_unknown_and_enormous_angles():
+def test_nan_and_very_large_angles():
     rover = paper_rover()
     rng = np.random.default_rng(8)
-    pose, steering = random_stance(rng, (20,), rover)
+    pose, steering = random_state(rng, (20,), rover)
     J = rb.wheel_jacobians(rover, pose, steering)
     turns = 2 * np.pi * rng.integers(-(10**6), 10**6, (20, 6))
     pose.contact_angle = pose.contact_angle + turns
@@ -189,7 +190,7 @@ def test_unknown_and_enormous_angles():
     assert np.isfinite(np.delete(again, 3, axis=0)).all()
 
 
-def test_memory_that_cannot_be_filled_is_refused():
+def test_arrays_that_cannot_be_filled_are_refused():
     rover = paper_rover()
     level = SimpleNamespace(rocker=np.zeros(3), bogie=np.zeros((3, 2)), contact_angle=np.zeros((3, 6)))
     for out in (np.empty((2, 6, 6, 9)), np.empty((3, 6, 6, 9), dtype=np.float32), np.empty((6, 6, 6, 9))[::2], [0.0]):

@@ -1,4 +1,4 @@
-"""Paths: geometry against the circle and finite differences, and a sentence for each that cannot be driven."""
+"""Paths: geometry against circles and finite differences, and errors for impossible ones."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ PATHS = {
 
 
 @pytest.mark.parametrize("path", PATHS.values(), ids=PATHS)
-def test_distance_course_and_curvature_are_what_they_say(path: rb.Path) -> None:
+def test_course_and_curvature_are_derivatives(path: rb.Path) -> None:
     h = 1e-6
     s = np.random.default_rng(0).uniform(h, path.length - h, 2000)
     s = s[np.abs(s[:, None] - path.distance).min(axis=1) > 2 * h]  # a joint has two curvatures
     before, at, after = path.sample(s - h), path.sample(s), path.sample(s + h)
-    assert_close((after.x - before.x) / (2 * h), np.cos(at.course), 1e-7, "-", "x goes where the course points, a metre a metre")
-    assert_close((after.y - before.y) / (2 * h), np.sin(at.course), 1e-7, "-", "and so does y")
+    assert_close((after.x - before.x) / (2 * h), np.cos(at.course), 1e-7, "-", "dx/ds is the cosine of the course")
+    assert_close((after.y - before.y) / (2 * h), np.sin(at.course), 1e-7, "-", "dy/ds is its sine")
     assert_close((after.yaw - before.yaw) / (2 * h), at.curvature, 1e-7, "rad/m", "curvature is the rate of yaw")
 
 
 @pytest.mark.parametrize("path", PATHS.values(), ids=PATHS)
-def test_places_and_yaw_are_continuous(path: rb.Path) -> None:
+def test_position_and_yaw_are_continuous(path: rb.Path) -> None:
     s = np.linspace(0, path.length, 20001)
     at = path.sample(s)
     step = s[1]
@@ -51,7 +51,7 @@ def test_arc_lies_on_its_circle() -> None:
     assert_close([right.x, right.y, right.yaw], [3, 0, 0], 1e-12, "m, rad", "and a quarter turn right")
 
 
-def test_a_path_stacks_whole_turns() -> None:
+def test_yaw_counts_whole_turns() -> None:
     path = rb.Path.arc((0, 0), 0.0, 1.0, 4 * np.pi)
     assert_close(path.sample(path.length).yaw, 4 * np.pi, 1e-12, "rad", "yaw is not wrapped")
 
@@ -59,15 +59,15 @@ def test_a_path_stacks_whole_turns() -> None:
 def test_waypoints_start_and_end_at_their_points_and_round_the_corners() -> None:
     start, end = U_TURN.sample(0.0), U_TURN.sample(U_TURN.length)
     assert_close([start.x, start.y, start.yaw], [0, 0, 0], 1e-12, "m, rad", "the first point, facing the second")
-    assert_close([end.x, end.y, end.yaw], [0, 4, np.pi], 1e-12, "m, rad", "the last, as it was come to")
+    assert_close([end.x, end.y, end.yaw], [0, 4, np.pi], 1e-12, "m, rad", "the last, with the course of arrival")
     assert U_TURN.length == pytest.approx(3 + 4 + 3 - 4 * 0.8 + np.pi * 0.8)
     at = U_TURN.sample(np.linspace(0, U_TURN.length, 5001))
     assert np.hypot(at.x - 3, at.y).min() == pytest.approx(0.8 * (np.sqrt(2) - 1), abs=1e-3)  # what a right angle is cut by
-    assert_close(at.course, at.yaw, 1e-12, "rad", "the rover faces where it goes")
+    assert_close(at.course, at.yaw, 1e-12, "rad", "yaw is the direction of travel")
     assert set(np.round(np.abs(at.curvature), 9)) == {0.0, 1.25}
 
 
-def test_waypoints_may_use_up_a_leg_whole() -> None:
+def test_arcs_may_use_a_whole_leg() -> None:
     path = rb.Path.waypoints([(0, 0), (1, 0), (1, 2), (0, 2)], radius=1.0)
     assert path.length == pytest.approx(np.pi)
 
@@ -115,7 +115,7 @@ def test_sample_keeps_the_shape(shape: tuple[int, ...]) -> None:
         (lambda: rb.Path.straight((0, 0), 0, 1).sample([0.5, np.nan]), "runs from 0 to 1 m"),
     ],
 )  # fmt: skip
-def test_bad_paths_say_why(call, sentence: str) -> None:
+def test_bad_paths_are_refused(call, sentence: str) -> None:
     with pytest.raises(rb.PathError, match=sentence):
         call()
 

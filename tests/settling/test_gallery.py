@@ -1,4 +1,4 @@
-"""The gallery in docs/settling.md is what its example prints, with its pictures."""
+"""The gallery in docs/settling.md equals the output of its example, with its pictures."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def test_page_shows_the_pose(name: str) -> None:
     assert (ROOT / "docs" / "img" / f"gallery_{name}.png").stat().st_size < 150_000
 
 
-def test_what_the_gallery_is_meant_to_show() -> None:
+def test_each_pose_shows_its_subject() -> None:
     pose = {name: pose for name, (_, pose) in POSES.items()}
     assert -1.0 < pose["step"].contact_angle[0] < -0.7  # on the edge of a step higher than its axle
     assert pose["astride"].clearance < 0.15

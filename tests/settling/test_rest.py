@@ -1,4 +1,4 @@
-"""Poses at rest against MuJoCo's, let down at the same places. `prove_rest.py` does the same for more of them."""
+"""Equilibria against MuJoCo's at the same positions; `prove_rest.py` compares more of them."""
 
 import numpy as np
 import pytest
@@ -25,10 +25,10 @@ def test_on_a_field_of_rocks(name: str) -> None:
     assert found.share >= 0.96, found.unlike
 
 
-def test_with_joints_on_their_stops_and_wheels_in_the_air() -> None:
+def test_with_joints_at_limits_and_wheels_off_the_ground() -> None:
     rover = stiff(load("perseverance"))
     found = compare(rover, field(16.0, 2), 25, seed=5)
-    assert found.lifted >= 5  # the ground is such that there is something to compare
+    assert found.lifted >= 5  # the terrain lifts wheels
     assert found.stopped >= 5
     assert np.degrees(np.sqrt((found.angles**2).mean(axis=0))).max() <= 0.05
     assert found.share_of_rests >= 0.96, found.unlike

@@ -1,4 +1,4 @@
-"""Six wheels on the ground: against brute force, under shifts, scales, mirrors and tilts, in any batch."""
+"""Poses in contact mode against brute force and under symmetries, in any batch."""
 
 from __future__ import annotations
 
@@ -22,44 +22,46 @@ SEED = 2024
 
 
 def wide(rover: rb.Rover, width: float) -> rb.Rover:
+    """Return the rover with wheels of a given width, m."""
     return rover.replace(wheel_width=np.full(6, width))
 
 
 def places(count: int, reach: float, seed: int = SEED) -> tuple[np.ndarray, ...]:
+    """Return random x, y (m) and yaw (rad), each (count,)."""
     rng = np.random.default_rng(seed)
     return (*rng.uniform(-reach, reach, (2, count)), rng.uniform(-np.pi, np.pi, count))
 
 
 def turned(rover: rb.Rover, count: int, most: float = 0.7, seed: int = SEED) -> np.ndarray:
-    """Steering (count, 6) of the wheels that steer."""
+    """Return random steering (count, 6), 0 for wheels that do not steer."""
     return np.random.default_rng(seed).uniform(-most, most, (count, 6)) * rover.steers
 
 
-@pytest.mark.parametrize("bends", [2.0, 12.0], ids=lambda n: f"bends of {n:.0f} wheel radii")
+@pytest.mark.parametrize("radii", [2.0, 12.0], ids=lambda n: f"{n:.0f} wheel radii")
 @pytest.mark.parametrize(
     "name, width, count",
     [("elhami-dashti", 0.0, 300), ("elhami-dashti", 0.08, 90), ("perseverance", None, 60), ("rocky7", 0.0, 50)],
 )
-def test_smooth_ground_as_brute_force_settles_it(name: str, width: float | None, count: int, bends: float) -> None:
+def test_smooth_terrain_equals_brute_force(name: str, width: float | None, count: int, radii: float) -> None:
     rover = rb.load_rover(name)
     rover = rover if width is None else wide(rover, width)
     radius = float(rover.wheel_radius[0])
     terrain = rb.surfaces.rough(
-        SEED, max_slope=np.radians(25), min_radius=bends * radius, size=80 * radius, spacing=0.1 * bends * radius
+        SEED, max_slope=np.radians(25), min_radius=radii * radius, size=80 * radius, spacing=0.1 * radii * radius
     )
     x, y, yaw = places(count, 25 * radius)
     steering = turned(rover, count)
     pose = rb.settle(rover, terrain, x, y, yaw, steering=steering)
     brute = oracle.settle(rover, oracle.Ground.of(terrain), x, y, yaw, steering)
     assert set(np.unique(pose.status)) <= set(TOUCHING)
-    assert np.isfinite(brute).all(), "the brute force itself did not arrive"
-    assert_close(pose.q, brute, 1e-8, "m, rad", f"{name} on ground that slopes to 25 deg and bends to {bends:g} wheel radii")
-    if bends > 2:
-        assert abs(pose.roll).max() > 0.2, "waves longer than the rover lean it both ways"
+    assert np.isfinite(brute).all(), "the brute force itself did not converge"
+    assert_close(pose.q, brute, 1e-8, "m, rad", f"{name}, slopes to 25 deg, radii of curvature from {radii:g} wheel radii")
+    if radii > 2:
+        assert abs(pose.roll).max() > 0.2, "waves longer than the rover tilt it both ways"
         assert abs(pose.pitch).max() > 0.2
 
 
-def test_shifted_ground_shifts_the_pose() -> None:
+def test_shifted_terrain_shifts_the_pose() -> None:
     rover, shift = wide(paper_rover(), 0.08), np.array([1250.0, -48.0, -4450.0])
     z = rb.surfaces.rough(3).z
     x, y, yaw = places(200, 2.0)
@@ -67,8 +69,8 @@ def test_shifted_ground_shifts_the_pose() -> None:
     there = rb.settle(
         rover, rb.Terrain.from_array(z + shift[2], 0.02, (-3 + shift[0], -3 + shift[1])), x + shift[0], y + shift[1], yaw
     )
-    assert_close(there.z - shift[2], here.z, 1e-9, "m", "the ground moved, and the rover with it")
-    assert_close(there.q[:, 1:], here.q[:, 1:], 1e-9, "rad", "no angle changes by a shift")
+    assert_close(there.z - shift[2], here.z, 1e-9, "m", "the rover moves with the terrain")
+    assert_close(there.q[:, 1:], here.q[:, 1:], 1e-9, "rad", "a shift changes no angle")
 
 
 def test_scaled_world_scales_the_pose() -> None:
@@ -84,7 +86,7 @@ def test_scaled_world_scales_the_pose() -> None:
 
 
 @pytest.mark.parametrize("interpolation", ["linear", "cubic"])
-def test_mirrored_ground_mirrors_the_pose(interpolation: str) -> None:
+def test_mirrored_terrain_mirrors_the_pose(interpolation: str) -> None:
     rover = wide(rb.load_rover("elhami-dashti"), 0.06)
     ground = rb.surfaces.rough(5)
     left = rb.Terrain.from_array(ground.z, 0.02, (-3, -3), interpolation)
@@ -94,7 +96,7 @@ def test_mirrored_ground_mirrors_the_pose(interpolation: str) -> None:
     one = rb.settle(rover, left, x, y, yaw, steering=steering)
     other = rb.settle(rover, right, x, -y, -yaw, steering=-steering[:, [1, 0, 3, 2, 5, 4]])
     assert_close(other.q[:, [0, 2]], one.q[:, [0, 2]], 1e-8, "m, rad", "height and pitch are the same in a mirror")
-    assert_close(other.q[:, [1, 3]], -one.q[:, [1, 3]], 1e-8, "rad", "roll and the differential turn about")
+    assert_close(other.q[:, [1, 3]], -one.q[:, [1, 3]], 1e-8, "rad", "roll and rocker change sign")
     assert_close(other.bogie, one.bogie[:, ::-1], 1e-8, "rad", "the bogies change sides")
 
 
@@ -108,17 +110,19 @@ def test_tilted_plane_tilts_the_pose_with_it(interpolation: str, width: float) -
         plane = rb.surfaces.plane(slope, aspect, interpolation=interpolation)
         pose = rb.settle(rover, plane, 0.2, -0.1, [0.0, 0.7, 2.0, -2.5])
         assert (pose.status == rb.Status.CONVERGED).all()
-        assert_close(pose.q[:, 3:], level.q[3:], 1e-9, "rad", "on a plane the linkage stands as on the level")
+        assert_close(pose.q[:, 3:], level.q[3:], 1e-9, "rad", "joints on a plane are those on level terrain")
         normal = plane.normal(0.0, 0.0)
         seen = np.einsum("...ji,j->...i", pose.T_world_body[:, :3, :3], normal)
-        assert_close(seen, np.broadcast_to(up, seen.shape), 1e-9, "", "the plane's normal lies in the body as the vertical did")
+        assert_close(
+            seen, np.broadcast_to(up, seen.shape), 1e-9, "", "the plane's normal has the body coordinates of the vertical"
+        )
 
 
-def test_level_ground_gives_the_paper_s_pose() -> None:
+def test_level_terrain_gives_the_paper_s_pose() -> None:
     pose = rb.settle(paper_rover(), rb.surfaces.plane(), 0.0, 0.0)
     assert_close(pose.pitch, -0.000562, 5e-7, "rad", "rear and middle axles differ by 0.3 mm in Table I")
-    assert_close(pose.bogie, 0.000562, 5e-7, "rad", "and the bogies make up for it")
-    assert_close([pose.roll, pose.rocker], 0.0, 1e-12, "rad", "nothing leans sideways")
+    assert_close(pose.bogie, 0.000562, 5e-7, "rad", "the bogies compensate it")
+    assert_close([pose.roll, pose.rocker], 0.0, 1e-12, "rad", "no tilt to the side")
 
 
 @pytest.mark.parametrize("shape", BATCH_SHAPES)
@@ -140,7 +144,7 @@ def test_batch_axes_lead(shape: tuple[int, ...], mode: str) -> None:
         assert pose.belly_support.shape == shape
 
 
-def test_places_and_steering_broadcast() -> None:
+def test_positions_and_steering_broadcast() -> None:
     rover, terrain = paper_rover(), rb.surfaces.rough(2)
     x, y, yaw = np.linspace(-1, 1, 4)[:, None], np.linspace(-1, 1, 3), 0.3
     steering = turned(rover, 2)[:, None, None]
@@ -153,7 +157,7 @@ def test_places_and_steering_broadcast() -> None:
 
 
 def rough_places(count: int) -> tuple[rb.Rover, rb.Terrain, np.ndarray, np.ndarray]:
-    """A wide-wheeled rover anywhere on rocks, over the map's rim and over a hole in it too, steering anyhow."""
+    """Return a rover with wide wheels on rocks, with poses across the edge and missing data."""
     rover = wide(rb.load_rover("elhami-dashti"), 0.08)
     field = rb.surfaces.rocks(0.2, 3, size=8.0, spacing=0.04)
     z = field.z.copy()
@@ -180,7 +184,7 @@ def test_a_pose_depends_on_nothing_but_itself(monkeypatch: pytest.MonkeyPatch) -
 
 
 def settle_elsewhere(count: int, mode: str, **environment: str) -> tuple[np.ndarray, np.ndarray]:
-    """q and status of `rough_places(count)`, worked out by another Python."""
+    """Return q and status of `rough_places(count)`, computed by another process."""
     script = (
         "import sys, numpy as np, rockerbogie as rb\n"
         "from test_settle import rough_places\n"
@@ -214,18 +218,18 @@ def test_plain_python_gives_what_the_compiled_kernels_give(mode: str) -> None:
     assert_close(q, here.q, 1e-9, "m, rad", "the same kernels, not compiled")
 
 
-def test_holes_and_the_map_s_rim_are_said_and_nan() -> None:
+def test_missing_data_and_the_edge_of_the_map_give_nan_and_a_status() -> None:
     rover = wide(paper_rover(), 0.08)
     z = np.zeros((201, 201))
     z[100, 100] = np.nan  # at (0, 0)
     terrain = rb.Terrain.from_array(z, 0.02, (-2, -2), "linear")
     under_wheel = rb.settle(rover, terrain, -rover.hubs[2, 0], -rover.hubs[2, 1])
     under_belly = rb.settle(rover, terrain, 0.0, 0.0)
-    over_rim = rb.settle(rover, terrain, [1.6, 0.0, 0.0, 5.0], [0.0, 1.8, -1.8, 0.0])
+    over_edge = rb.settle(rover, terrain, [1.6, 0.0, 0.0, 5.0], [0.0, 1.8, -1.8, 0.0])
     assert under_wheel.status == rb.Status.NO_DATA
-    assert under_belly.status == rb.Status.CONVERGED, "no tread lies over the hole"
-    assert over_rim.status.tolist() == [rb.Status.OFF_MAP] * 4
-    for pose in (under_wheel, over_rim):
+    assert under_belly.status == rb.Status.CONVERGED, "no tread lies over missing data"
+    assert over_edge.status.tolist() == [rb.Status.OFF_MAP] * 4
+    for pose in (under_wheel, over_edge):
         assert np.isnan(pose.q).all()
         assert np.isnan(pose.gap).all()
         assert np.isnan(pose.contact_point).all()
@@ -233,8 +237,8 @@ def test_holes_and_the_map_s_rim_are_said_and_nan() -> None:
 
 
 @pytest.mark.parametrize("which", ["k=20%", "marsyard2021 linear", "marsyard2021 cubic"])
-def test_rocks_and_a_mars_yard_are_settled_and_proved(which: str) -> None:
-    """A part of what `prove_settle.py` proves."""
+def test_poses_on_rocks_and_a_mars_yard_are_verified(which: str) -> None:
+    """Verify a part of the poses of `prove_settle.py`."""
     ground = grounds()
     if which not in ground:
         pytest.skip("the Mars yard's file is not here: set ROCKERBOGIE_DATA")
@@ -245,7 +249,7 @@ def test_rocks_and_a_mars_yard_are_settled_and_proved(which: str) -> None:
         known = proof.status.sum() - proof.status[rb.Status.NO_DATA]
         assert known > 150
         assert len(proof.gap) >= 0.995 * known, f"{name}: {proof.status}"
-        assert proof.failed == 0, f"{name}: a gap of {proof.worst} m is called settled (limit {TOLERANCE} m)"
+        assert proof.failed == 0, f"{name}: a gap of {proof.worst} m is reported as settled (limit {TOLERANCE} m)"
 
 
 def test_pose_transform_is_the_paper_s() -> None:

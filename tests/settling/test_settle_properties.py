@@ -1,4 +1,4 @@
-"""Rovers nobody built on ground nobody would cross: every pose that is given is proved by the oracle."""
+"""Random rovers on random terrain: the oracle verifies every pose."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FEW = settings(
 
 
 def draw_places(data: st.DataObject, rover: rb.Rover) -> tuple[tuple[int, ...], dict[str, np.ndarray]]:
-    """A batch shape, and x, y, yaw and steering for it: anywhere over the ground, its middle included."""
+    """Return a batch shape, and random x, y, yaw and steering of that shape."""
     shape = data.draw(st.sampled_from(BATCH_SHAPES))
     rng = np.random.default_rng(data.draw(st.integers(0, 2**32 - 1)))
     reach = data.draw(st.sampled_from([0.0, 0.5])) * float(np.abs(rover.hubs).max())
@@ -34,7 +34,7 @@ def draw_places(data: st.DataObject, rover: rb.Rover) -> tuple[tuple[int, ...], 
 
 @FEW
 @given(st.data())
-def test_six_wheels_said_to_touch_do(data: st.DataObject) -> None:
+def test_reported_contacts_are_contacts(data: st.DataObject) -> None:
     rover = data.draw(rovers())
     terrain = data.draw(terrains(rover))
     shape, places = draw_places(data, rover)
@@ -42,7 +42,7 @@ def test_six_wheels_said_to_touch_do(data: st.DataObject) -> None:
     assert pose.shape == shape
     good = np.isin(pose.status, TOUCHING)
     event(f"{good.sum()} of {good.size} settled")
-    assert (np.isnan(pose.q).all(axis=-1) == ~good).all(), "a pose is given where and only where it is said to be"
+    assert (np.isnan(pose.q).all(axis=-1) == ~good).all(), "a pose is NaN if and only if its status has none"
     if not good.any():
         return
     at = {name: value.reshape(good.size, *value.shape[len(shape) :])[good.ravel()] for name, value in places.items()}
@@ -56,7 +56,7 @@ def test_six_wheels_said_to_touch_do(data: st.DataObject) -> None:
 
 @FEW
 @given(st.data())
-def test_a_rover_said_to_rest_does(data: st.DataObject) -> None:
+def test_reported_equilibria_are_equilibria(data: st.DataObject) -> None:
     rover = data.draw(rovers())
     terrain = data.draw(terrains(rover))
     shape, places = draw_places(data, rover)
@@ -72,18 +72,18 @@ def test_a_rover_said_to_rest_does(data: st.DataObject) -> None:
 
 @FEW
 @given(st.data())
-def test_a_hole_makes_no_pose_wrong(data: st.DataObject) -> None:
-    """With a part of the ground unknown a pose is either the same as ever, or nan and said to lack data."""
+def test_missing_data_does_not_change_poses(data: st.DataObject) -> None:
+    """Poses beside missing data are correct for any heights there, or NaN."""
     rover = data.draw(rovers())
-    holed = data.draw(terrains(rover, holes=True))
-    if holed.interpolation == "cubic":
-        holed = rb.Terrain.from_array(holed.z, holed.spacing, holed.origin, "linear")
+    gappy = data.draw(terrains(rover, holes=True))
+    if gappy.interpolation == "cubic":
+        gappy = rb.Terrain.from_array(gappy.z, gappy.spacing, gappy.origin, "linear")
     _, places = draw_places(data, rover)
-    pose = rb.settle(rover, holed, **places)
+    pose = rb.settle(rover, gappy, **places)
     good = np.isin(pose.status, TOUCHING)
-    for fill in (-50.0, 50.0):  # whatever is in the hole makes no difference to a pose that is given
+    for fill in (-50.0, 50.0):  # heights in place of the missing data have no effect on a pose
         known = rb.Terrain.from_array(
-            np.nan_to_num(holed.z, nan=fill * float(np.nanmax(abs(holed.z)) + 1)), holed.spacing, holed.origin, "linear"
+            np.nan_to_num(gappy.z, nan=fill * float(np.nanmax(abs(gappy.z)) + 1)), gappy.spacing, gappy.origin, "linear"
         )
         wheels = oracle.stand(rover, *(places[name][good] for name in ("x", "y", "yaw")), pose.q[good], places["steering"][good])
         if good.any():

@@ -1,4 +1,4 @@
-"""Settled poses on grounds as sharp as the grid allows, each held against certified brackets: prove_sharp.py in short."""
+"""Poses on terrain as sharp as the grid allows, each compared with certified brackets."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def test_certificates_agree() -> None:
 
 
 def test_spline_has_the_coefficients_drawn() -> None:
-    """Away from the edge, the terrain's spline has the coefficients that its heights were made from."""
+    """Away from the edge, the spline has the coefficients that its heights were made from."""
     c = np.random.default_rng(0).normal(size=(62, 52))
     terrain = rb.Terrain.from_array(spline_nodes(c), 0.1)
     level = terrain.meta[rb._kernels.model.ground.META_Z]

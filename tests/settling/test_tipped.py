@@ -1,4 +1,4 @@
-"""Steep planes on which the descent from level tips over: a rest on six wheels is returned, TIPPED only if there is none."""
+"""Steep planes on which the descent tips over: the equilibrium on six wheels is returned."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ STEP = 1e-6  # of the central differences, m and rad
 
 
 def plane(rover: rb.Rover, slope: float) -> rb.Terrain:
-    """A plane that falls by `slope` degrees towards +x, large enough for the rover."""
+    """Return a plane that falls by `slope` degrees towards +x, large enough for the rover."""
     flat = rb.surfaces.plane(np.radians(slope), size=10 * rover.wheelbase, spacing=0.2 * rover.wheelbase)
     return rb.Terrain.from_array(flat.z + DATUM, flat.spacing, flat.origin, flat.interpolation)
 
 
 def simulate(rover: rb.Rover, slope: float, yaw: float, start: np.ndarray | None) -> Rest:
-    """Run MuJoCo on that plane (with x, y and yaw held, no friction) from a pose, or from above if `start` is None."""
+    """Run MuJoCo on that plane without friction, from a pose or (if `start` is None) from above."""
     half = np.radians(slope) / 2
     tower = DropTower(
         rover, [{"type": "plane", "size": [0, 0, 1], "pos": [0, 0, DATUM], "quat": [np.cos(half), 0, np.sin(half), 0]}]
@@ -46,7 +46,9 @@ def turned(rest: Rest, q: np.ndarray) -> float:
         ("perseverance", 65, 0, False),
     ],
 )
-def test_a_six_wheel_rest_that_mujoco_holds_is_returned(name: str, slope: float, heading: float, falls_from_above: bool) -> None:
+def test_an_equilibrium_on_six_wheels_that_mujoco_keeps_is_returned(
+    name: str, slope: float, heading: float, falls_from_above: bool
+) -> None:
     rover, yaw = load(name), np.radians([heading])
     pose = rb.settle(rover, plane(rover, slope), [0.0], [0.0], yaw, mode="equilibrium")
     assert pose.status[0] == rb.Status.CONVERGED
@@ -73,7 +75,7 @@ def test_tipped_where_mujoco_falls_from_above_and_from_six_wheels(slope: float, 
 
 
 def least_force(rover: rb.Rover, slope: float, yaw: float, q: np.ndarray) -> float:
-    """Return the least of the six contact forces that balance the weight at a six-wheel pose, over the weight.
+    """Return the least contact force, as a share of the weight, at a six-wheel pose in balance.
 
     From the definitions: gaps of cylinders over a plane and the height of the mass, by central differences.
     """

@@ -5,8 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.optimize import root
-
 from ...arrays import Array
 from ...rotations import body_transform
 from ..frames import wheel_frames
@@ -31,6 +29,8 @@ def pose_on_plane(rover: Rover) -> Array | None:
     Returns:
         (6,) z (m), roll, pitch, rocker, left and right bogie (rad); None if there is no such pose near by.
     """
+    from scipy.optimize import root
+
     half = rover.wheel_width / 2
 
     def gaps(u: Array) -> Array:
