@@ -31,7 +31,7 @@ WORD = re.compile(rf"(?<![\w.`\"'])({'|'.join(RETIRED)})(?![\w`\"'(=])", re.IGNO
 REMAINING: dict[str, dict[str, int]] = {
     "opening": {
         "docs": 2,
-        "examples": 3,
+        "examples": 1,
         "src/rockerbogie/_kernels": 34,
         "src/rockerbogie/bench": 8,
         "src/rockerbogie/cli": 4,
@@ -41,8 +41,8 @@ REMAINING: dict[str, dict[str, int]] = {
         "src/rockerbogie/paper": 11,
         "src/rockerbogie/rover": 8,
         "src/rockerbogie/simulation": 7,
-        "src/rockerbogie/terrain": 4,
-        "tests": 4,
+        "src/rockerbogie/terrain": 3,
+        "tests": 2,
         "tests/bench": 1,
         "tests/cli": 2,
         "tests/kernels": 2,
@@ -52,7 +52,7 @@ REMAINING: dict[str, dict[str, int]] = {
     "first line": {
         "docs": 11,
         "examples": 7,
-        "src/rockerbogie": 5,
+        "src/rockerbogie": 6,
         "src/rockerbogie/_kernels": 120,
         "src/rockerbogie/bench": 15,
         "src/rockerbogie/cli": 22,
@@ -60,29 +60,28 @@ REMAINING: dict[str, dict[str, int]] = {
         "src/rockerbogie/logs": 21,
         "src/rockerbogie/maps": 38,
         "src/rockerbogie/paper": 21,
-        "src/rockerbogie/rover": 100,
+        "src/rockerbogie/rover": 101,
         "src/rockerbogie/settling": 1,
         "src/rockerbogie/simulation": 16,
-        "src/rockerbogie/terrain": 42,
-        "tests": 19,
-        "tests/cli": 7,
+        "src/rockerbogie/terrain": 50,
+        "tests": 12,
+        "tests/cli": 8,
         "tests/figures": 2,
-        "tests/fuzz": 1,
+        "tests/fuzz": 4,
         "tests/kernels": 27,
         "tests/logs": 5,
         "tests/maps": 13,
-        "tests/motion": 10,
+        "tests/motion": 1,
         "tests/paper": 3,
-        "tests/rover": 26,
-        "tests/settling": 11,
+        "tests/rover": 27,
         "tests/simulation": 13,
         "tests/support": 64,
-        "tests/terrain": 3,
+        "tests/terrain": 4,
         "tools": 15,
     },
     "retired word": {
         "README.md": 5,
-        "docs": 55,
+        "docs": 21,
         "src/rockerbogie/_kernels": 155,
         "src/rockerbogie/bench": 2,
         "src/rockerbogie/cli": 8,
@@ -93,16 +92,14 @@ REMAINING: dict[str, dict[str, int]] = {
         "src/rockerbogie/paper": 7,
         "src/rockerbogie/rover": 5,
         "src/rockerbogie/simulation": 8,
-        "src/rockerbogie/terrain": 13,
-        "tests": 11,
+        "src/rockerbogie/terrain": 7,
+        "tests": 10,
         "tests/cli": 3,
         "tests/figures": 4,
         "tests/kernels": 27,
         "tests/logs": 1,
         "tests/maps": 8,
-        "tests/motion": 8,
         "tests/rover": 4,
-        "tests/settling": 8,
         "tests/simulation": 3,
         "tests/support": 48,
         "tests/terrain": 8,
@@ -110,7 +107,7 @@ REMAINING: dict[str, dict[str, int]] = {
     "Args and Returns": {
         "src/rockerbogie": 4,
         "src/rockerbogie/bench": 21,
-        "src/rockerbogie/cli": 10,
+        "src/rockerbogie/cli": 12,
         "src/rockerbogie/figures": 34,
         "src/rockerbogie/logs": 6,
         "src/rockerbogie/maps": 66,
@@ -118,7 +115,7 @@ REMAINING: dict[str, dict[str, int]] = {
         "src/rockerbogie/rover": 74,
         "src/rockerbogie/settling": 1,
         "src/rockerbogie/simulation": 16,
-        "src/rockerbogie/terrain": 42,
+        "src/rockerbogie/terrain": 40,
     },
     "kernel Args": {
         "src/rockerbogie/_kernels": 165,
@@ -263,3 +260,13 @@ def test_the_rules_find_what_they_forbid(tmp_path: Path) -> None:
     assert [public for _, _, public in found] == [True, True, False]
     assert arguments(found[1][0]) == ["a"]  # type: ignore[arg-type]
     assert returns_value(found[1][0])  # type: ignore[arg-type]
+
+
+if __name__ == "__main__":  # prints the counts for REMAINING, and with a rule and folders the places in them
+    import sys
+
+    for name, find in RULES.items():
+        print(f'    "{name}": {dict(sorted(Counter(place.folder for place in find()).items()))},')
+    for place in RULES[sys.argv[1]]() if len(sys.argv) > 1 else ():
+        if place.folder in sys.argv[2:]:
+            print(f"{place.file.relative_to(ROOT)}:{place.line}: {place.text}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+
 from ...arrays import Array
 from ...rotations import body_transform
 from ..frames import wheel_frames
