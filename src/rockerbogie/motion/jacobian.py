@@ -153,7 +153,8 @@ def wheel_jacobians(
     J = np.empty((*q.shape, 6, 6, 9)) if out is None else _given("out", out, (*q.shape, 6, 6, 9))
     T = np.empty((0, 6, 4, 4)) if frames is None else _given("frames", frames, (*q.shape, 6, 4, 4))
     angles = (flat(q), flat(b, 2), flat_steering(s), flat(delta, 6))
-    parallel_for(kernel.wheel_jacobians_batch, q.size, rover.packed, rover.steers, *angles, flat(J, 6, 6, 9), flat(T, 6, 4, 4))
+    steers = rover.steers.copy()  # writable, as the compiled kernels take it
+    parallel_for(kernel.wheel_jacobians_batch, q.size, rover.packed, steers, *angles, flat(J, 6, 6, 9), flat(T, 6, 4, 4))
     return J
 
 

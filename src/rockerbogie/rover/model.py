@@ -6,41 +6,48 @@ Wheels are in the paper's order: rocker wheel left, right; middle left, right; t
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any
+from html import escape
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._kernels.model import linkage
 from ..arrays import Array
-from ..errors import RoverError
+from ..errors import RoverError, unknown_name
+from . import arguments
 from .checks import check_rover
 from .differential import DifferentialBar
+from .masses import (
+    DEFAULT_DENSITY,
+    GEOMETRY,
+    GROUPS,
+    MASS_SHARES,
+    Link,
+    default_box,
+    default_mass,
+    frozen,
+    links_for,
+    share_masses,
+)  # fmt: skip
 
-#: What to do where a rover was wanted and something else given.
+__all__ = ["DEFAULT_DENSITY", "IDEAL_DIFFERENTIAL", "LOAD_ROVER", "MASS_SHARES", "Link", "Rover"]
+
+#: Remedy for a call that got something else than a rover.
 LOAD_ROVER = "load one with rockerbogie.load_rover(name or file), or build one with rockerbogie.Rover.from_pivots(...)"
 IDEAL_DIFFERENTIAL = (0.0, -1.0)
-#: Mass of a rover whose mass is not given: this many kg times the cube of its wheelbase (Curiosity 78, Rocky 7 128).
-DEFAULT_DENSITY = 90.0
-#: How a total mass is shared when the links' own are not given: body, each rocker, each bogie, each wheel.
-MASS_SHARES = (0.60, 0.06, 0.04, 0.20 / 6)
-
-
-@dataclass(frozen=True)
-class Link:
-    """A rigid part: mass (kg), centre of mass (3,) in the body frame at rest (m), inertia (3, 3) about it (kg m²)."""
-
-    mass: float
-    com: Array
-    inertia: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Rover:
-    """A rocker-bogie rover. Build one with `Rover.from_pivots` or `Rover.from_dh`, or load a preset."""
+    """A rocker-bogie rover. Build one with `Rover.from_pivots` or `Rover.from_dh`, or load a preset.
+
+    Its arrays are read-only copies: change a rover with `replace`.
+    """
 
     name: str
     rocker_pivot: Array  # (2, 3) left, right
@@ -60,6 +67,35 @@ class Rover:
     wheels: tuple[Link, ...]
     wheel_names: tuple[str, ...]
     source: str = ""
+
+    def __post_init__(self) -> None:
+        self._freeze()
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._freeze()
+
+    def _freeze(self) -> None:
+        """Make every array read-only; unpickled arrays are writable."""
+        for field in fields(self):
+            object.__setattr__(self, field.name, frozen(getattr(self, field.name)))
+
+    def __repr__(self) -> str:
+        low, high = float(self.wheel_radius.min()), float(self.wheel_radius.max())
+        radius = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
+        return (
+            f"<Rover {self.name}: wheelbase {self.wheelbase:.4g} m, wheel radius {radius} m, "
+            f"{int(self.steers.sum())} of 6 wheels steer, {self.mass:.4g} kg>"
+        )
+
+    def _repr_html_(self) -> str:
+        """Return the table that a notebook shows."""
+        rows: list[tuple[str, ...]] = [("", "x m", "y m", "z m")]
+        points = [("rocker pivot, left", self.rocker_pivot[0]), ("bogie pivot, left", self.bogie_pivot[0])]
+        points += [(f"hub {name}", hub) for name, hub in zip(self.wheel_names, self.hubs, strict=True)]
+        rows += [(label, *(f"{v:.4g}" for v in point)) for label, point in points]
+        cells = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+        return f"<div>{escape(repr(self))}<table>{cells}</table></div>"
 
     # -- construction ---------------------------------------------------------------------------------------------
 
@@ -87,40 +123,46 @@ class Rover:
         wheel_names: Sequence[str] | None = None,
         source: str = "",
     ) -> Rover:
-        """A rover from where its joints and hubs stand.
+        """Return a rover from the positions of its joints and hubs.
 
         Args:
+            name: short name, used in messages and file names.
             wheel_radius, wheel_width: scalar, (3,) per axle or (6,) per wheel, m. Width 0 is a thin disc.
             rocker_pivot, bogie_pivot: (3,) on the left, mirrored to the right; or (2, 3) left and right, m.
             hubs: (3, 3) left rocker wheel, middle wheel, bogie's other wheel, mirrored; or (6, 3) in wheel order, m.
             steers: (3,) per axle or (6,) per wheel, true where the wheel steers. Default: any wheel may.
             steering_offset: (2,), (3, 2) per left wheel (y is mirrored) or (6, 2); steering axis minus hub, m.
-            rocker_limits, bogie_limits: (2,) stops of the left rocker and of both bogies, rad.
+            rocker_limits, bogie_limits: (2,) joint limits of the left rocker and of both bogies, rad.
             differential: coefficients c of right = Σ cₖ leftᵏ; (0, -1) is the ideal one, (0, -k) a ratio. Or a
-                `DifferentialBar`, which becomes the polynomial that follows it over the rocker's stops.
+                `DifferentialBar`, which becomes its polynomial over the rocker's limits.
             body_box: (2, 3) lowest and highest corner of the body, m. Default: a box between the wheels.
             mass: the whole rover, kg. Default: `DEFAULT_DENSITY` times the wheelbase cubed; shared by `MASS_SHARES`.
-            body, rockers, bogies, wheels: links, where their own masses are known; the rest is shared as above.
+            body, rockers, bogies, wheels: links whose own masses are known; the others are shared as above.
+            wheel_names: six names in wheel order. Default: by position, LF, RM, ...
+            source: origin of the numbers.
+
+        Returns:
+            The rover.
 
         Raises:
-            RoverError: a shape, sign or size that cannot be; the message says which and what to do.
+            RoverError: a shape, sign or size that is impossible; the message states which, and the remedy.
         """
-        pivots = _sides("rocker_pivot", rocker_pivot)
-        bogie = _sides("bogie_pivot", bogie_pivot)
-        hub = _hubs(hubs)
-        radius = _per_wheel("wheel_radius", wheel_radius)
-        width = _per_wheel("wheel_width", wheel_width)
-        mask = np.ones(6) if steers is None else _per_wheel("steers", steers)
-        offset = _offsets(steering_offset)
-        rocker_stops = _array("rocker_limits", rocker_limits, (2,))
+        pivots = arguments.sides("rocker_pivot", rocker_pivot)
+        bogie = arguments.sides("bogie_pivot", bogie_pivot)
+        hub = arguments.hubs(hubs)
+        radius = arguments.per_wheel("wheel_radius", wheel_radius)
+        width = arguments.per_wheel("wheel_width", wheel_width)
+        mask = np.ones(6) if steers is None else arguments.per_wheel("steers", steers)
+        offset = arguments.offsets(steering_offset)
+        rocker_stops = arguments.array("rocker_limits", rocker_limits, (2,))
         if isinstance(differential, DifferentialBar):
             if not np.allclose(pivots[1], pivots[0] * (1, -1, 1), rtol=0, atol=1e-9):
                 raise RoverError(f"rover {name!r}: a DifferentialBar joins rockers whose pivots mirror each other; these do not")
             differential = differential.polynomial(pivots[0], rocker_stops)
-        with np.errstate(invalid="ignore"):  # what is not finite is refused by name below
-            box = _default_box(hub, pivots, bogie, radius) if body_box is None else _array("body_box", body_box, (2, 3))
-            total = _default_mass(hub) if mass is None else float(_array("mass", mass, ()))
-            links = _share_masses(total, pivots, bogie, hub, radius, width, box)
+        with np.errstate(invalid="ignore"):  # check_rover refuses non-finite numbers by name
+            box = default_box(hub, pivots, bogie, radius) if body_box is None else arguments.array("body_box", body_box, (2, 3))
+            total = default_mass(hub) if mass is None else float(arguments.array("mass", mass, ()))
+            links = share_masses(total, pivots, bogie, hub, radius, width, box)
         rover = cls(
             name=name,
             rocker_pivot=pivots,
@@ -131,14 +173,14 @@ class Rover:
             steering_offset=offset,
             steers=mask > 0.5,
             rocker_limits=rocker_stops,
-            bogie_limits=_array("bogie_limits", bogie_limits, (2,)),
-            differential=_numbers("differential", differential),
+            bogie_limits=arguments.array("bogie_limits", bogie_limits, (2,)),
+            differential=arguments.numbers("differential", differential),
             body_box=box,
             body=body or links[0],
             rockers=tuple(rockers or links[1]),  # type: ignore[arg-type]
             bogies=tuple(bogies or links[2]),  # type: ignore[arg-type]
             wheels=tuple(wheels or links[3]),
-            wheel_names=tuple(wheel_names or _wheel_names(hub)),
+            wheel_names=tuple(wheel_names or arguments.wheel_names(hub)),
             source=source,
         )
         check_rover(rover)
@@ -161,9 +203,15 @@ class Rover:
         K11: float,
         **more: Any,
     ) -> Rover:
-        """A rover from the constants of the paper's Table I: K9 in radians, the rest in metres; K10 is the wheel radius.
+        """Return a rover from the constants of the paper's Table I.
 
-        `more` are the other arguments of `from_pivots` (name, wheel_width, steers, masses, …).
+        Args:
+            K1, K2, K3, K4, K5, K6, K7, K8, K10, K11: lengths, m; K10 is the wheel radius.
+            K9: slope of the rocker's arm at rest, rad.
+            more: other arguments of `from_pivots` (name, wheel_width, steers, masses, …).
+
+        Raises:
+            RoverError: K9 in degrees, or an impossible rover.
         """
         if abs(K9) > np.pi:
             raise RoverError(f"K9 is {K9:g}: give it in radians, as in K9=np.radians(30.7)")
@@ -181,11 +229,14 @@ class Rover:
         )
 
     def to_dh(self) -> dict[str, float]:
-        """The paper's K1…K11 (metres; K9 in radians), the inverse of `from_dh`.
+        """Return the paper's K1…K11 (m; K9 in rad), the inverse of `from_dh`.
+
+        Returns:
+            The constants by name.
 
         Raises:
-            RoverError: the rover is not of the paper's form (one track, bogie hubs level, mirrored sides, no steering
-                offset); `rockerbogie.dh_table` gives its table all the same.
+            RoverError: the rover is not of the paper's form (one track, bogie hubs at one height, mirrored sides, no steering
+                offset); `rockerbogie.dh_table` returns the table of any rover.
         """
         d, b, h = self.rocker_pivot[0], self.bogie_pivot[0], self.hubs[::2]
         track = np.array([d[1], b[1], *h[:, 1]])
@@ -194,7 +245,7 @@ class Rover:
         one_size = np.ptp(self.wheel_radius) < 1e-12
         if not (mirrored and level and one_size and np.ptp(track) < 1e-12 and not self.steering_offset.any()):
             raise RoverError(
-                f"rover {self.name!r} is not of Table I's form (one track, bogie hubs level, sides mirrored, "
+                f"rover {self.name!r} is not of Table I's form (one track, bogie hubs at one height, sides mirrored, "
                 "equal wheels, steering axes through the hubs): take its general table from rockerbogie.dh_table(rover)"
             )
         reach, drop = b[0] - d[0], d[2] - b[2]
@@ -212,17 +263,53 @@ class Rover:
             "K11": float(b[0] - h[1, 0]),
         }
 
-    def replace(self, **changes: Any) -> Rover:
-        """A copy with some fields changed (already in full shape), validated again."""
-        rover = replace(self, **changes)
+    def replace(self, *, masses: Literal["auto", "keep", "derive"] = "auto", **changes: Any) -> Rover:
+        """Return a copy with some fields changed, validated again.
+
+        Masses follow a change of lengths: links that the rule of thumb has made (`MASS_SHARES`) get centres and inertias for the
+        new lengths, with their masses kept. Links whose masses were given stay as they are, with a warning.
+
+        Args:
+            masses: "auto": as above. "keep": leave every link as it is. "derive": share the total mass anew by the rule of thumb.
+            changes: fields of the rover, in any shape that `from_pivots` takes.
+
+        Returns:
+            The new rover; a body box that was the default one follows the lengths too.
+
+        Raises:
+            RoverError: no such field, or an impossible rover.
+        """
+        known = [field.name for field in fields(self)]
+        for name in changes:
+            if name not in known:
+                raise RoverError(f"rover {self.name!r}: {unknown_name('field', name, known)}")
+        if masses not in ("auto", "keep", "derive"):
+            raise RoverError(f"masses is {masses!r}; give 'auto', 'keep' or 'derive'")
+        changes = {name: _full(name, value) for name, value in changes.items()}
+        with np.errstate(invalid="ignore"):  # check_rover refuses non-finite numbers by name
+            rover = replace(self, **changes)
+            if "body_box" not in changes and np.array_equal(self.body_box, _box(self)):
+                rover = replace(rover, body_box=_box(rover))
+        check_rover(rover)
+        moved = any(not np.array_equal(getattr(self, name), getattr(rover, name)) for name in GEOMETRY)
+        if masses == "keep" or not moved:
+            return rover
+        links, kept = links_for(self, rover, [group for group in GROUPS if group not in changes], masses == "derive")
+        if kept:
+            warnings.warn(
+                f"rover {self.name!r}: lengths changed, and the given masses of {', '.join(kept)} stay where they were; give "
+                "them anew, or pass masses='derive' (rule of thumb) or masses='keep' (as they are, without this warning)",
+                stacklevel=2,
+            )
+        rover = replace(rover, **links)
         check_rover(rover)
         return rover
 
-    # -- what follows from it -------------------------------------------------------------------------------------
+    # -- derived quantities ---------------------------------------------------------------------------------------
 
     @property
     def mass(self) -> float:
-        """The whole rover's mass, kg."""
+        """Mass of the whole rover, kg."""
         return float(sum(link.mass for link in self.links))
 
     @property
@@ -237,7 +324,7 @@ class Rover:
 
     @cached_property
     def packed(self) -> Array:
-        """All that a kernel reads of the rover, in one flat array (`_kernels.linkage.P_*`)."""
+        """The rover's numbers in one flat array for the kernels (`_kernels.model.linkage.P_*`)."""
         parent = np.concatenate([self.rocker_pivot, self.bogie_pivot, self.bogie_pivot])
         p = np.zeros(linkage.P_SIZE)
 
@@ -262,103 +349,38 @@ class Rover:
         return p
 
     def right_rocker(self, rocker: ArrayLike) -> Array:
-        """Angle (...) of the right rocker for the left one's, through the differential, rad."""
+        """Return the right rocker's angle that the differential gives for the left one's.
+
+        Args:
+            rocker: (...) left rocker angle, rad.
+
+        Returns:
+            (...) rad.
+        """
         return np.polynomial.polynomial.polyval(np.asarray(rocker, dtype=float), self.differential)
 
 
-def _numbers(name: str, value: ArrayLike) -> Array:
-    try:
-        return np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise RoverError(f"{name} must be numbers, not {value!r}") from None
+def _full(name: str, value: Any) -> Any:
+    """Return a field's new value in full shape."""
+    if name in ("rocker_pivot", "bogie_pivot"):
+        return arguments.sides(name, value)
+    if name == "hubs":
+        return arguments.hubs(value)
+    if name in ("wheel_radius", "wheel_width"):
+        return arguments.per_wheel(name, value)
+    if name == "steers":
+        return arguments.per_wheel(name, value) > 0.5
+    if name == "steering_offset":
+        return arguments.offsets(value)
+    if name in ("rocker_limits", "bogie_limits"):
+        return arguments.array(name, value, (2,))
+    if name == "body_box":
+        return arguments.array(name, value, (2, 3))
+    if name == "differential":
+        return arguments.numbers(name, value)
+    return tuple(value) if name in ("rockers", "bogies", "wheels", "wheel_names") else value
 
 
-def _array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
-    array = _numbers(name, value)
-    if array.shape != shape:
-        raise RoverError(f"{name} has shape {array.shape}; give {shape}")
-    return array
-
-
-def _sides(name: str, value: ArrayLike) -> Array:
-    array = _numbers(name, value)
-    if array.shape not in ((3,), (2, 3)):
-        raise RoverError(f"{name} has shape {array.shape}; give (3,) for the left side or (2, 3) for both")
-    sides = np.stack([array, array * (1, -1, 1)]) if array.ndim == 1 else array
-    if sides[0, 1] < sides[1, 1]:
-        raise RoverError(f"{name} has its left pivot at y = {sides[0, 1]:g} m, right of its right one: give the left side, y > 0")
-    return sides
-
-
-def _hubs(value: ArrayLike) -> Array:
-    array = _numbers("hubs", value)
-    if array.shape == (3, 3):
-        return np.stack([array, array * (1, -1, 1)], axis=1).reshape(6, 3)
-    if array.shape == (6, 3):
-        return array
-    raise RoverError(f"hubs has shape {array.shape}; give (3, 3) for the left side or (6, 3) in wheel order")
-
-
-def _per_wheel(name: str, value: ArrayLike) -> Array:
-    array = _numbers(name, value)
-    if array.shape == (3,):
-        return np.repeat(array, 2)
-    if array.shape in ((), (6,)):
-        return np.broadcast_to(array, (6,)).copy()
-    raise RoverError(f"{name} has shape {array.shape}; give a number, (3,) per axle or (6,) per wheel")
-
-
-def _offsets(value: ArrayLike) -> Array:
-    array = _numbers("steering_offset", value)
-    if array.shape == (2,):
-        array = np.tile(array, (3, 1))
-    if array.shape == (3, 2):
-        return np.stack([array, array * (1, -1)], axis=1).reshape(6, 2)
-    if array.shape == (6, 2):
-        return array
-    raise RoverError(f"steering_offset has shape {array.shape}; give (2,), (3, 2) for the left side or (6, 2)")
-
-
-def _wheel_names(hubs: Array) -> tuple[str, ...]:
-    outer = "F" if hubs[0, 0] > hubs[4, 0] else "R"
-    other = "R" if outer == "F" else "F"
-    return tuple(side + axle for axle in (outer, "M", other) for side in "LR")
-
-
-def _default_box(hubs: Array, pivots: Array, bogies: Array, radius: Array) -> Array:
-    """A body that fills 60 % of the wheelbase, stays inside the linkage, and clears the axles by 1.3 radii."""
-    centre = (hubs[:, 0].max() + hubs[:, 0].min()) / 2
-    half = 0.3 * np.ptp(hubs[:, 0])
-    inner = 0.8 * np.abs(np.concatenate([hubs[:, 1], pivots[:, 1], bogies[:, 1]])).min()
-    bottom = hubs[:, 2].max() + 1.3 * radius.max()
-    top = max(pivots[:, 2].max(), bottom) + radius.max()
-    return np.array([[centre - half, -inner, bottom], [centre + half, inner, top]])
-
-
-def _default_mass(hubs: Array) -> float:
-    return float(DEFAULT_DENSITY * np.ptp(hubs[:, 0]) ** 3)
-
-
-def _share_masses(
-    total: float, pivots: Array, bogies: Array, hubs: Array, radius: Array, width: Array, box: Array
-) -> tuple[Link, list[Link], list[Link], list[Link]]:
-    """Links for a rover of which only the total mass is known: a solid box, thin-rod triangles, solid cylinders."""
-    m_body, m_rocker, m_bogie, m_wheel = (share * total for share in MASS_SHARES)
-    size = box[1] - box[0]
-    body = Link(m_body, box.mean(axis=0), np.diag(m_body / 12 * (size @ size - size**2)))
-    rockers = [_points_link(m_rocker, pivots[s], bogies[s], hubs[s]) for s in (0, 1)]
-    arms = [_points_link(m_bogie, bogies[s], hubs[2 + s], hubs[4 + s]) for s in (0, 1)]
-    wheels = []
-    for i in range(6):
-        breadth = max(width[i], 0.2 * radius[i])  # a disc has no inertia of its own to speak of: give it a rim
-        across = m_wheel * (3 * radius[i] ** 2 + breadth**2) / 12
-        wheels.append(Link(m_wheel, hubs[i].copy(), np.diag([across, m_wheel * radius[i] ** 2 / 2, across])))
-    return body, rockers, arms, wheels
-
-
-def _points_link(mass: float, *points: Array) -> Link:
-    """A link whose mass is shared by its joints, with a slender floor so that its inertia is never singular."""
-    p = np.array(points)
-    r = p - p.mean(axis=0)
-    inertia = mass / len(p) * sum(np.eye(3) * (v @ v) - np.outer(v, v) for v in r)
-    return Link(mass, p.mean(axis=0), inertia + np.eye(3) * 1e-3 * np.trace(inertia))
+def _box(rover: Rover) -> Array:
+    """Return the default body box (2, 3) for a rover's lengths, m."""
+    return default_box(rover.hubs, rover.rocker_pivot, rover.bogie_pivot, rover.wheel_radius)
