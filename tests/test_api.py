@@ -71,3 +71,15 @@ def test_old_names_are_the_new_ones() -> None:
     assert rb.Noise is rb.SensorNoise
     assert rb.Plan is rb.Route
     assert rb.Import is rb.ImportResult
+
+
+def test_every_progress_function_takes_done_and_total() -> None:
+    found = {}
+    for name in rb.__all__:
+        function = getattr(rb, name)
+        if inspect.isfunction(function) and "progress" in inspect.signature(function).parameters:
+            annotation = function.__annotations__["progress"].removesuffix(" | None")
+            alias = getattr(inspect.getmodule(function), annotation, annotation)
+            found[name] = re.sub(r"(typing|collections\.abc)\.", "", str(alias))
+    assert set(found) >= {"simulate", "traversability", "write_map", "validate"}
+    assert all(kind.startswith("Callable[[int, int], ") for kind in found.values()), found

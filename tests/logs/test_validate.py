@@ -229,13 +229,20 @@ def test_bands_are_true_where_the_doubt_is(rover):
     log = xr.Dataset(
         {k: ("row", v) for k, v in (("x", x), ("y", y), ("yaw", yaw), ("pitch", truth[:, 0]), ("roll", truth[:, 1]))}
     )
-    found = rb.validate(rover, smooth, log, draws=60)
+    heard: list[tuple[int, int]] = []
+    found = rb.validate(rover, smooth, log, draws=60, progress=lambda *at: heard.append(at))
+    assert heard[-1][0] == heard[-1][1]
+    shares = [done / total for done, total in heard]
+    assert shares == sorted(shares)
     held, unfitted = float(found["coverage"].mean()), float(found["coverage_unfitted"].mean())
     spread = 3 * np.sqrt(0.8 * 0.2 / (2 * len(x)))
     assert abs(unfitted - 0.8) < spread, unfitted
     assert abs(held - 0.8) < spread + 0.05, held
     assert 0.7 <= found.attrs["factor"] <= 1.42
-    again = rb.validate(rover, smooth, log, draws=60)
+    shared: list[float] = []
+    with pytest.warns(FutureWarning, match="use progress"):
+        again = rb.validate(rover, smooth, log, draws=60, advance=shared.append)
+    assert shared == shares
     assert found.identical(again), "the same seed, the same bands"
     assert not found.equals(rb.validate(rover, smooth, log, draws=60, seed=1))
 

@@ -305,3 +305,13 @@ def test_route_as_geojson_is_in_the_map_s_crs(drawn: xr.Dataset, tmp_path: Path)
     assert (length > 0).all()
     assert_close(length.sum(), plan.distance[-1], 1e-9, "m", "the same way")
     assert layer["features"][0]["properties"]["length_m"] == round(float(plan.distance[-1]), 3)
+
+
+@pytest.mark.parametrize("name", ["map.tif", "map.nc"])
+def test_progress_counts_parts(drawn: xr.Dataset, tmp_path: Path, name: str) -> None:
+    heard: list[tuple[int, int]] = []
+    write_map(drawn, tmp_path / name, progress=lambda *at: heard.append(at))
+    share = [done / total for done, total in heard]
+    assert share == sorted(share)
+    assert share[-1] == 1
+    assert len(share) > 1

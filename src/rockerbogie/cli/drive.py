@@ -186,7 +186,12 @@ def simulate(
     with progress() as bar:
         task = bar.add_task("simulating", total=1.0)
         sim = simulate_rover(
-            machine, ground, way, speed, friction=friction, progress=lambda share: bar.update(task, completed=share)
+            machine,
+            ground,
+            way,
+            speed,
+            friction=friction,
+            progress=lambda done, total: bar.update(task, completed=done, total=total),
         )
     beside = settle_along(machine, ground, sim)
     comparison = compare(beside, sim)

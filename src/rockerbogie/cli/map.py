@@ -166,7 +166,7 @@ def map_(
 
 
 @contextmanager
-def _told(parts: Path | None) -> Iterator[tuple[Callable[[int, int], None], Callable[[float], None]]]:
+def _told(parts: Path | None) -> Iterator[tuple[Callable[[int, int], None], Callable[[int, int], None]]]:
     """A bar with the time left, for cells done and for the share written; and a word on what is resumed and what is kept."""
     with progress() as bar:
         task = bar.add_task("settling", total=None)
@@ -180,8 +180,8 @@ def _told(parts: Path | None) -> Iterator[tuple[Callable[[int, int], None], Call
             seen.append(done)
             bar.update(task, total=total, completed=done)
 
-        def writing(share: float) -> None:
-            bar.update(task, description="writing", total=1.0, completed=share)
+        def writing(done: int, total: int) -> None:
+            bar.update(task, description="writing", total=total, completed=done)
 
         try:
             yield settling, writing

@@ -118,7 +118,7 @@ def validate(
         task = bar.add_task("settling on drawn grounds" if draws else "settling", total=1.0)
         found = compare_with_log(
             machine, ground, places, position_sigma=position_sigma, height_sigma=height_sigma, level=level, draws=draws,
-            seed=seed, advance=lambda share: bar.update(task, completed=share),
+            seed=seed, progress=lambda done, total: bar.update(task, completed=done, total=total),
         )  # fmt: skip
     files = _write(found, output)
     if json:

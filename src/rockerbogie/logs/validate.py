@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -41,6 +42,7 @@ def validate(
     apart: float = 5.0,
     draws: int = 400,
     seed: int = 0,
+    progress: Callable[[int, int], object] | None = None,
     advance: Callable[[float], object] | None = None,
 ) -> xr.Dataset:
     """Settle the rover where a log says it stood, and hold its pitch and roll against the logged ones.
@@ -59,7 +61,8 @@ def validate(
         height_sigma: of the model's heights, m; correlated over 3 cells.
         draws: grounds a place; 0 for no band.
         seed: of the draws: the same seed, the same bands.
-        advance: called with the share done, 0 to 1.
+        progress: called with (steps done, steps in all).
+        advance: deprecated: called with the share done, 0 to 1; use progress.
 
     Returns:
         Dataset over `row` and `channel` (pitch, roll), rad: `predicted`, `logged`, `error`; over `channel`: `rms`, `bias`,
@@ -93,6 +96,17 @@ def validate(
     doubt = Doubt(position_sigma, height_sigma, ERROR_CELLS * min(terrain.spacing), missing_roughness(terrain, x, y))
     first, stand = stands(x, y, yaw)
 
+    if advance is not None:
+        warnings.warn(
+            "validate(advance=) is deprecated: use progress, which is called with (done, total)", FutureWarning, stacklevel=2
+        )
+
+    def tell(done: int, total: int) -> None:
+        if progress is not None:
+            progress(done, total)
+        if advance is not None:
+            advance(done / total)
+
     def draw(n: int, unsure: Doubt, factors: Array) -> Array:
         at = first[n]
         rng = np.random.default_rng((seed, n))
@@ -101,8 +115,7 @@ def validate(
     bands = np.empty((len(first), len(FACTORS), 2, len(CHANNELS)))
     for n in range(len(first)):
         bands[n] = limits(draw(n, doubt, FACTORS), level)
-        if advance:
-            advance(0.85 * (n + 1) / len(first))
+        tell(17 * (n + 1), 20 * len(first))
     scores = interval_score(bands[:, :, 0], bands[:, :, 1], logged[first][:, None], level).sum(axis=-1)
     factor, whole = fit_factors(scores, x[first], y[first], apart)
     alone = {name: np.empty((len(first), len(CHANNELS))) for name in doubt.sources()}
@@ -110,8 +123,7 @@ def validate(
         for n in range(len(first)):
             sampled = draw(n, unsure, np.array([whole]))[0]
             alone[name][n] = np.nan if np.isnan(sampled).all() else np.nanvar(sampled, axis=0)
-        if advance:
-            advance(0.85 + 0.05 * (k + 1))
+        tell(17 + k + 1, 20)
     found.attrs |= {
         "level": level, "factor": whole, "hurst": doubt.roughness.hurst, "hurst_measured": doubt.roughness.measured,
         "position_sigma": position_sigma, "height_sigma": height_sigma, "apart": apart, "draws": draws, "seed": seed,

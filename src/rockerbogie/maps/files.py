@@ -33,7 +33,7 @@ RENAMED = {"passable": "passable_share"}
 #: The layer a GeoTIFF opens with.
 FIRST = "passable"
 
-Progress = Callable[[float], None]
+Progress = Callable[[int, int], None]
 
 
 class Band(NamedTuple):
@@ -62,7 +62,7 @@ def write_map(
             it (.aux.xml).
         per_heading: write every heading's layers into a GeoTIFF too.
         force: replace a file that this package did not write.
-        progress: called with the share done, 0 to 1.
+        progress: called with (parts done, parts in all).
 
     Raises:
         RockerbogieError: another ending, a file that this package did not write (without `force`), a place that cannot be
@@ -75,7 +75,7 @@ def write_map(
     check_place(path)
     check_outputs([path], force=force)
     expect(maps, xr.Dataset, "maps", "give the Dataset of rockerbogie.traversability")
-    tell = progress or (lambda share: None)
+    tell = progress or (lambda done, total: None)
     maps = _ordered(maps)
     partial = path.with_name(f".{path.stem}.{uuid.uuid4().hex[:8]}{kind}")
     try:
@@ -93,7 +93,7 @@ def write_map(
         raise RockerbogieError(f"cannot write {str(file)!r}: {error.strerror or error}") from None
     finally:
         shutil.rmtree(partial, ignore_errors=True) if partial.is_dir() else partial.unlink(missing_ok=True)
-    tell(1.0)
+    tell(1, 1)
     return path
 
 
@@ -186,7 +186,7 @@ def _write_geotiff(maps: xr.Dataset, path: Path, per_heading: bool, tell: Progre
                 windows = list(pieces(maps))
                 for n, window in enumerate(windows):
                     _copy_piece(maps, layers, raster, *window)
-                    tell(0.7 * (n + 1) / len(windows))
+                    tell(7 * (n + 1), 10 * len(windows))
             copy(
                 plain, path, driver="COG", compress="DEFLATE", predictor="YES", blocksize=TILE, bigtiff="IF_SAFER",
                 overviews="AUTO", overview_resampling="NEAREST",
@@ -312,7 +312,7 @@ def _write_netcdf(maps: xr.Dataset, path: Path, tell: Progress) -> None:
             piece = maps.isel(y=rows, x=cols)
             for name, layer in piece.data_vars.items():
                 file.variables[name][..., rows, cols] = layer.transpose(..., "y", "x").values
-            tell((n + 1) / len(windows))
+            tell(n + 1, len(windows))
 
 
 def _blocks(maps: xr.Dataset) -> dict[Any, tuple[int, ...]]:

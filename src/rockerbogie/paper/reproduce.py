@@ -69,7 +69,9 @@ def reproduce(folder: FilePath, progress: Progress = lambda what, share: None) -
     run = drive(rover, terrain, path, SPEED, step=STEP)
     model_time = time.perf_counter() - began
     began = time.perf_counter()
-    sim = simulate(rover, terrain, path, SPEED, progress=lambda share: progress("rigid-body simulation", 0.05 + 0.65 * share))
+    sim = simulate(
+        rover, terrain, path, SPEED, progress=lambda done, total: progress("rigid-body simulation", 0.05 + 0.65 * done / total)
+    )
     sim_time = time.perf_counter() - began
 
     progress("data", 0.7)

@@ -75,7 +75,7 @@ def simulate(
     interval: float = 0.1,
     friction: float = 0.8,
     commands: xr.Dataset | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> xr.Dataset:
     """Drive a rover along a path in MuJoCo.
 
@@ -90,7 +90,7 @@ def simulate(
         friction: coefficient of sliding friction between wheels and ground.
         commands: follow these instead, open loop, from the path's start until they end: a Dataset with `wheel_rate`, rad/s, and
             `steering`, rad, over (time, wheel), as `drive` and `simulate` give them; linear in between.
-        progress: called with the share done, 0 to 1, at every record.
+        progress: called with (records done, records in all) at every record.
 
     Returns:
         Dataset over `time` as from `drive` (docs/design.md), but measured: `distance` is what the body travelled over the map,
@@ -135,7 +135,7 @@ def simulate(
             rig.step(CONTROL_PERIOD)
         records.append(rig.record())
         if progress is not None:
-            progress(k / count)
+            progress(k, count)
         if _lost(rig, region):
             break
     attrs = {
