@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rockerbogie._kernels.jit.decorators import parallel_for, threads
+from rockerbogie._kernels.jit.parallel import parallel_for, threads
 
 SCRIPT = """
 import gc
@@ -51,7 +51,7 @@ def first_use(cache: Path, *, terminal: bool) -> tuple[str, str]:
 def test_compiling_is_announced_to_a_terminal_once(tmp_path: Path) -> None:
     out, said = first_use(tmp_path, terminal=True)
     assert out.split() == ["True", "1"]
-    assert said.count("compiling kernels for this machine") == 1
+    assert said.count("rockerbogie: compiling kernels for this machine") == 1
     assert first_use(tmp_path, terminal=True)[1] == "", "what is compiled is kept"
 
 

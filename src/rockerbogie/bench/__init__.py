@@ -15,7 +15,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from .._kernels.jit.decorators import threads
+from .._kernels.jit.parallel import threads
 from ..settling.settle import settle
 from ..terrain.heightfield import Terrain
 from .baselines import drop_baseline, fsolve_baseline

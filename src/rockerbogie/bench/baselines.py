@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._kernels.jit.decorators import threads
+from .._kernels.jit.parallel import threads
 from ..paper.baseline import RIM_POINTS, Contact, fsolve_settle
 from ..rover.formats import to_urdf
 from ..rover.model import Rover

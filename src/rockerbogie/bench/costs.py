@@ -9,7 +9,7 @@ import tracemalloc
 
 import numpy as np
 
-from .._kernels.jit.decorators import threads
+from .._kernels.jit.parallel import threads
 from ..motion.jacobian import SimpleStance, wheel_jacobians
 from ..rover.formats import load_rover
 from ..settling.settle import settle

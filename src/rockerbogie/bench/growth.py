@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._kernels.jit.decorators import threads
+from .._kernels.jit.parallel import threads
 from ..rover.formats import load_rover
 from ..settling.settle import settle
 from ..terrain import surfaces

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._kernels.jit.decorators import threads
+from .._kernels.jit.parallel import threads
 from ..errors import RockerbogieError
 from .cells import Tile
 from .ground import Ground

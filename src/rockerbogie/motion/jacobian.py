@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._kernels.jit.decorators import parallel_for
+from .._kernels.jit.parallel import parallel_for
 from .._kernels.model import jacobians as kernel
 from ..arrays import Array, flat, flat_steering, spanned
 from ..errors import RockerbogieError

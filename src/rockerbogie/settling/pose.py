@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._kernels import batch
-from .._kernels.jit.decorators import parallel_for
+from .._kernels.jit.parallel import parallel_for
 from .._kernels.solve import equilibrium
 from ..arrays import Array, flat, flat_steering
 from ..errors import RockerbogieError

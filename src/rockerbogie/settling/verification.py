@@ -8,7 +8,7 @@ from types import EllipsisType
 import numpy as np
 from numpy.typing import NDArray
 
-from .._kernels.jit.decorators import parallel_for
+from .._kernels.jit.parallel import parallel_for
 from .._kernels.model.ground import META_X, META_Y, META_Z
 from .._kernels.verify import gap, patch
 from ..arrays import Array, pieces

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._kernels.jit.decorators import parallel_for
+from .._kernels.jit.parallel import parallel_for
 from .._kernels.model import ground
 from ..errors import RockerbogieError, TerrainError, TerrainWarning
 from .labelled import is_labelled, read_labelled

@@ -1,7 +1,6 @@
-"""Memory in ways that numba itself does not offer: views that are not counted, arrays seen from elsewhere, the nodes around
-many places read at once.
+"""Memory access that numba does not offer: views without reference counts, shifted views, and gathers of grid nodes.
 
-Each is given twice: for compiled kernels in the compiler's own terms, and in plain Python for where nothing is compiled.
+Each function exists twice: as an LLVM intrinsic for compiled kernels, and in plain Python if NUMBA_DISABLE_JIT is set.
 """
 
 from __future__ import annotations
@@ -17,12 +16,12 @@ from numba.extending import intrinsic
 
 if config.DISABLE_JIT:
 
-    def bare(array: Any) -> Any:
-        """The array itself: there is nothing to gain in plain Python."""
+    def unowned_view(array: Any) -> Any:
+        """Return the array itself: plain Python has no use for a view without reference count."""
         return array
 
     class _Window:
-        """What `window` gives where there are no pointers to move. Indices beside the window raise."""
+        """Array indexed as a part of a larger array, in place of a shifted pointer. Indices before the part raise."""
 
         def __init__(self, array: Any, row: int, col: int) -> None:
             self.array, self.row, self.col = array, row, col
@@ -30,15 +29,15 @@ if config.DISABLE_JIT:
         def __getitem__(self, at: tuple[int, int]) -> Any:
             row, col = at[0] - self.row, at[1] - self.col
             if row < 0 or col < 0:
-                raise IndexError(f"node {at} lies before the window's first, {self.row, self.col}")
+                raise IndexError(f"node {at} lies before the first node of the window, {self.row, self.col}")
             return self.array[row, col]
 
     def window(array: Any, row: int, col: int) -> Any:
-        """The array, indexed as the part of a larger one that begins at (row, col)."""
+        """Return the array, indexed as the part of a larger array that begins at (row, col)."""
         return _Window(array, row, col) if row or col else array
 
     def node_taker(size: int, lanes: int) -> Callable[..., None]:
-        """As below."""
+        """Return a function that copies the size × size nodes under each of `lanes` lanes; see the compiled form."""
 
         def take(S: Any, column: int, row: int, grid: Any, to: int, apart: int) -> None:
             for l in range(lanes):
@@ -50,11 +49,14 @@ if config.DISABLE_JIT:
 
 else:
 
-    def _bare(typing_context: Any, array: Any) -> Any:
-        """A view of an array that is not counted as a reference to it.
+    def _unowned_view(typing_context: Any, array: Any) -> Any:
+        """Return a view of an array without a reference count; the owner of the array must outlive the view.
 
-        Counting is atomic, and at a hundred views a pose costs as much as the arithmetic. Whoever owns the array must
-        outlive the view.
+        Reference counts are atomic. At a hundred views for each pose they cost as much time as the arithmetic.
+
+        Args:
+            typing_context: unused; numba passes it to every intrinsic.
+            array: type of the array.
         """
 
         def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -65,11 +67,18 @@ else:
 
         return array(array), codegen
 
-    unowned_view = intrinsic(_bare)
+    unowned_view = intrinsic(_unowned_view)
 
     def _window(typing_context: Any, array: Any, row: Any, col: Any) -> Any:
-        """A `unowned_view` view (2 axes) that is indexed as the part of a larger array that begins at (row, col): its address is
-        moved back by so much, so that the larger one's indices meet what they should. No index may go beside the part."""
+        """Return an unowned view (2 axes), indexed as the part of a larger array that begins at (row, col).
+
+        The address is moved back by (row, col), so that the larger array's indices reach the right elements. Indices
+        outside the part are not checked and must not occur.
+
+        Args:
+            typing_context: unused; numba passes it to every intrinsic.
+            array, row, col: types of the array and of the integers.
+        """
 
         def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
             view = context.make_array(signature.args[0])(context, builder, args[0])
@@ -85,54 +94,70 @@ else:
 
     window = intrinsic(_window)
 
-    _WHOLE, _NUMBER, _TOGETHER = ir.IntType(64), ir.DoubleType(), 8  # lanes, as many as the widest registers hold
+    _INTEGER, _NUMBER = ir.IntType(64), ir.DoubleType()
+    _VECTOR = 8  # numbers in the widest registers
 
     def node_taker(size: int, lanes: int) -> Callable[..., None]:
-        """A kernel (S, column, row, grid, to, apart): S[to + (size m + n) apart + lane] = grid[j + m, i + n] for m, n < size
-        (2 or 4), where i = S[column + lane] and j = S[row + lane] are whole numbers, for all of `lanes` (a multiple of 8).
+        """Return a kernel that copies the size × size grid nodes under each lane into rows of the lane array.
 
-        Lanes lie over different cells, but each wants the same few nodes side by side. One by one that is a load and a store for
-        each; a whole row of a lane's nodes in one load, turned round in registers, takes less than half the time. Nothing is
-        checked: all these nodes must be there, and a row's must lie side by side.
+        Lanes lie over different cells, but store the same nodes side by side. Copying one node at a time takes a load and
+        a store for each. Loading a lane's whole row of nodes at once and transposing in registers takes less than half the time.
+
+        Args:
+            size: nodes on each side, 2 or 4.
+            lanes: number of lanes, a multiple of 8.
+
+        Returns:
+            A kernel (S, column, row, grid, to, apart) that sets S[to + (size m + n) apart + lane] = grid[j + m, i + n] for
+            0 ≤ m, n < size, where i = S[column + lane] and j = S[row + lane] are integers stored as floats. Indices are not
+            checked: all nodes must exist, and the nodes of a row of the grid must be contiguous.
         """
 
         def take(typing_context: Any, S: Any, column: Any, row: Any, grid: Any, to: Any, apart: Any) -> Any:
             def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
                 block = context.make_array(signature.args[0])(context, builder, args[0])
-                ground = context.make_array(signature.args[3])(context, builder, args[3])
-                line, node = cgutils.unpack_tuple(builder, ground.strides)
-                origin = builder.bitcast(ground.data, cgutils.voidptr_t)
+                nodes_array = context.make_array(signature.args[3])(context, builder, args[3])
+                line, node = cgutils.unpack_tuple(builder, nodes_array.strides)
+                origin = builder.bitcast(nodes_array.data, cgutils.voidptr_t)
 
                 def at(row: Any, lane: int) -> Any:
-                    place = builder.gep(block.data, [builder.add(row, _WHOLE(lane))])
-                    return builder.bitcast(place, ir.VectorType(_NUMBER, _TOGETHER).as_pointer())
+                    address = builder.gep(block.data, [builder.add(row, _INTEGER(lane))])
+                    return builder.bitcast(address, ir.VectorType(_NUMBER, _VECTOR).as_pointer())
 
-                def whole(row: Any, lane: int) -> Any:
-                    return builder.fptoui(builder.load(at(row, lane), align=8), ir.VectorType(_WHOLE, _TOGETHER))
+                def integers(row: Any, lane: int) -> Any:
+                    return builder.fptoui(builder.load(at(row, lane), align=8), ir.VectorType(_INTEGER, _VECTOR))
 
-                for first in range(0, lanes, _TOGETHER):
-                    columns, rows = whole(args[1], first), whole(args[2], first)
+                for first in range(0, lanes, _VECTOR):
+                    columns, rows = integers(args[1], first), integers(args[2], first)
                     starts = []
-                    for l in range(_TOGETHER):
+                    for l in range(_VECTOR):
                         i, j = (builder.extract_element(index, ir.IntType(32)(l)) for index in (columns, rows))
                         starts.append(builder.gep(origin, [builder.add(builder.mul(i, node), builder.mul(j, line))]))
                     for m in range(size):
                         nodes = []
                         for start in starts:
-                            address = builder.gep(start, [builder.mul(line, _WHOLE(m))])
+                            address = builder.gep(start, [builder.mul(line, _INTEGER(m))])
                             address = builder.bitcast(address, ir.VectorType(_NUMBER, size).as_pointer())
                             nodes.append(builder.load(address, align=8))
-                        for n, turned in enumerate(_turned(builder, nodes)):
-                            out = builder.add(args[4], builder.mul(args[5], _WHOLE(size * m + n)))
-                            builder.store(turned, at(out, first), align=8)
+                        for n, column_nodes in enumerate(_transposed(builder, nodes)):
+                            out = builder.add(args[4], builder.mul(args[5], _INTEGER(size * m + n)))
+                            builder.store(column_nodes, at(out, first), align=8)
                 return context.get_dummy_value()
 
             return types.void(S, types.intp, types.intp, grid, types.intp, types.intp), codegen
 
         return intrinsic(take)
 
-    def _turned(builder: Any, v: list[Any]) -> list[Any]:
-        """Eight vectors of 2 or 4 numbers as 2 or 4 vectors of eight, by steps that processors have instructions for."""
+    def _transposed(builder: Any, v: list[Any]) -> list[Any]:
+        """Transpose 8 vectors of 2 or 4 numbers, in shuffles that processors have instructions for.
+
+        Args:
+            builder: LLVM instruction builder.
+            v: 8 vectors of 2 or 4 numbers.
+
+        Returns:
+            2 or 4 vectors of 8 numbers.
+        """
 
         def mix(a: Any, b: Any, which: list[int]) -> Any:
             return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(ir.IntType(32), len(which)), which))
@@ -149,5 +174,5 @@ else:
         if v[0].type.count == 2:
             return zipped(join(v[0], v[2], v[4], v[6]), join(v[1], v[3], v[5], v[7]))
         low, high = zipped(join(v[0], v[4]), join(v[1], v[5])), zipped(join(v[2], v[6]), join(v[3], v[7]))
-        near, far = [0, 1, 8, 9, 4, 5, 12, 13], [2, 3, 10, 11, 6, 7, 14, 15]
-        return [mix(low[n % 2], high[n % 2], near if n < 2 else far) for n in range(4)]
+        first, second = [0, 1, 8, 9, 4, 5, 12, 13], [2, 3, 10, 11, 6, 7, 14, 15]
+        return [mix(low[n % 2], high[n % 2], first if n < 2 else second) for n in range(4)]

@@ -1,0 +1,247 @@
+"""Disk cache of compiled kernels, keyed by all that their machine code depends on.
+
+Numba's own cache checks only the source file that holds a function, so that a caller keeps the old code of a changed
+callee. Here the key is a hash of the contents of all kernel sources, the versions of numba and llvmlite, the processor
+and the compiler's settings. Each key has its own folder, and each kernel and signature one file, written atomically: there
+is no index that two processes could make inconsistent.
+
+A compiled kernel is always run in the form that the cache holds, also by the process that compiles it: its object file in
+an execution engine of its own. In one common engine, the linker takes a callee's code from whichever object came first,
+and results depend in their last bits on what was compiled before.
+"""
+
+from __future__ import annotations
+
+import copy
+import functools
+import hashlib
+import os
+import pickle
+import shutil
+import uuid
+import warnings
+from pathlib import Path
+from typing import Any
+
+import llvmlite
+import numba
+from numba.core.codegen import JITCPUCodegen
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
+from numba.misc.appdirs import AppDirs
+
+from . import notice
+
+#: Folder that holds all kernel sources.
+SOURCES = Path(__file__).resolve().parents[1]
+#: First part of the names of the cache folders, one for each key.
+PREFIX = "rockerbogie-"
+#: Cache folders kept in one place, the newest: a new one replaces the oldest.
+KEPT_FOLDERS = 5
+#: Settings of numba that change machine code and are not part of the processor's description.
+SETTINGS = ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "BOUNDSCHECK", "USING_SVML", "DEBUGINFO_DEFAULT", "LLVM_REFPRUNE_PASS")
+
+
+def hash_of_sources() -> str:
+    """Return the SHA-256 hash (hexadecimal) of the relative paths and the contents of all kernel sources."""
+    digest = hashlib.sha256()
+    for file in sorted(SOURCES.rglob("[!.]*.py")):
+        content = file.read_bytes()
+        digest.update(f"{file.relative_to(SOURCES).as_posix()} {len(content)}\n".encode())
+        digest.update(content)
+    return digest.hexdigest()
+
+
+#: The sources as they are imported: this module is imported before every kernel.
+IMPORTED_SOURCES = hash_of_sources()
+
+
+@functools.cache
+def cache_folders() -> tuple[Path, ...]:
+    """Return the folders that compiled kernels are read from, in order; they are written to the last one if it is writable.
+
+    They are NUMBA_CACHE_DIR if it is set, then the package itself, then the user's cache folder. The list ends at the first
+    one that is writable, so that kernels compiled into a read-only install are found there.
+    """
+    processor = numba.core.registry.cpu_target.target_context.codegen().magic_tuple()
+    settings = [str(getattr(numba.config, name, None)) for name in SETTINGS]
+    key = repr((IMPORTED_SOURCES, numba.__version__, llvmlite.__version__, processor, settings))
+    name = PREFIX + hashlib.sha256(key.encode()).hexdigest()[:16]
+    places = [Path(numba.config.CACHE_DIR)] if numba.config.CACHE_DIR else []
+    places += [SOURCES / "__pycache__", Path(AppDirs("rockerbogie", appauthor=False).user_cache_dir)]
+    count = next((n + 1 for n, place in enumerate(places) if is_writable(place)), len(places))
+    return tuple(place / name for place in places[:count])
+
+
+def is_compiling() -> bool:
+    """Return False if NUMBA_DISABLE_JIT is set: kernels then run in plain Python."""
+    return not numba.config.DISABLE_JIT
+
+
+def is_writable(folder: Path) -> bool:
+    """Return True if a folder is writable, or can be made where it does not exist."""
+    while not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    return folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)
+
+
+def _remove_oldest(folder: Path) -> None:
+    """Remove the oldest cache folders beside a new, empty one; processes that use them compile again."""
+    found = []
+    for other in folder.parent.glob(PREFIX + "*"):
+        try:
+            found.append((other.stat().st_mtime, other))
+        except OSError:  # removed by another process
+            continue
+    for _, other in sorted(found)[:-KEPT_FOLDERS]:
+        shutil.rmtree(other, ignore_errors=True)
+
+
+class KernelCache:
+    """Disk cache of one kernel, a file for each signature, with the interface of numba's `FunctionCache`."""
+
+    _cannot_write = False
+
+    def __init__(self, dispatcher: Any) -> None:
+        function = dispatcher.py_func
+        self._code, self._cells = function.__code__, function.__closure__ or ()
+        self._name = f"{function.__module__.removeprefix('rockerbogie.')}.{function.__qualname__}".replace("<locals>", "")
+        source = Path(self._code.co_filename)
+        self._source = "" if SOURCES in source.resolve().parents else hashlib.sha256(source.read_bytes()).hexdigest()
+        self._fresh: Any = None  # reduced form of the result compiled last, to be written
+        self._enabled = True
+
+    @property
+    def cache_path(self) -> str:
+        """Folder that compiled kernels are written to."""
+        return str(cache_folders()[-1])
+
+    def enable(self) -> None:
+        """Read and write compiled kernels, which is the default."""
+        self._enabled = True
+
+    def disable(self) -> None:
+        """Neither read nor write compiled kernels."""
+        self._enabled = False
+
+    def flush(self) -> None:
+        """Do nothing: a file is valid as long as its key is."""
+
+    def _key(self, sig: Any) -> Any:
+        """Return what identifies a compiled kernel among those of a folder: name, signature, code and closure."""
+        code = self._code.co_firstlineno, self._code.co_code, dumps(tuple(cell.cell_contents for cell in self._cells))
+        return self._name, sig, self._source, hashlib.sha256(repr(code).encode()).hexdigest()
+
+    def _file_name(self, key: Any) -> str:
+        """Return the name of the file that holds the kernel of a key."""
+        return f"{self._name}-{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}.nbc"
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Load a compiled kernel.
+
+        Args:
+            sig: types of the arguments.
+            target_context: numba's context of the processor.
+
+        Returns:
+            The compile result, or None if the cache does not hold it.
+        """
+        target_context.refresh()
+        if not self._enabled:
+            return None
+        key = self._key(sig)
+        for folder in cache_folders():
+            try:
+                content = (folder / self._file_name(key)).read_bytes()
+            except OSError:
+                continue
+            try:
+                found, payload = pickle.loads(content)
+            except (EOFError, pickle.UnpicklingError):  # damaged: compile again
+                continue
+            if found == key:
+                return run_from_object(target_context, payload)
+        return None
+
+    def take(self, result: Any) -> Any:
+        """Replace a fresh compile result by the form that the cache holds, which `save_overload` then writes.
+
+        Args:
+            result: numba's compile result.
+
+        Returns:
+            The result that is to be called and linked into callers; the same result if it cannot be stored.
+        """
+        self._fresh = None
+        if result.library.has_dynamic_globals or result.lifted:
+            return result
+        context = result.target_context
+        self._fresh = result._reduce()
+        taken = run_from_object(context, self._fresh)
+        context.remove_user_function(result.entry_point)
+        context.insert_user_function(taken.entry_point, taken.fndesc, [taken.library])
+        return taken
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Write the result compiled last, unless a kernel source has changed since it was imported.
+
+        Args:
+            sig: types of the arguments.
+            data: the compile result, unused: `take` has reduced it.
+        """
+        if not self._enabled or self._fresh is None or hash_of_sources() != IMPORTED_SOURCES:
+            return
+        key, folder = self._key(sig), cache_folders()[-1]
+        content = dumps((key, self._fresh))
+        part = folder / f"{uuid.uuid4().hex}.part"
+        try:
+            if not folder.exists():
+                folder.mkdir(parents=True, exist_ok=True)
+                _remove_oldest(folder)
+            part.write_bytes(content)
+            part.replace(folder / self._file_name(key))
+        except OSError as error:
+            part.unlink(missing_ok=True)
+            self._warn(folder, error)
+
+    @staticmethod
+    def _warn(folder: Path, error: OSError) -> None:
+        """Warn, once in a process, that compiled kernels are not stored.
+
+        Args:
+            folder: folder that cannot be written to.
+            error: cause.
+        """
+        if not KernelCache._cannot_write:
+            KernelCache._cannot_write = True
+            message = f"compiled kernels cannot be stored in {folder} ({error.strerror}), so that every process compiles them"
+            warnings.warn(f"{message} again: set NUMBA_CACHE_DIR to a writable folder", RuntimeWarning, stacklevel=2)
+
+
+def run_from_object(target_context: Any, payload: Any) -> Any:
+    """Load the reduced form of a compile result into an execution engine of its own.
+
+    Args:
+        target_context: numba's context of the processor.
+        payload: what `CompileResult._reduce` returned.
+
+    Returns:
+        The compile result, ready to be called and to be linked into callers.
+    """
+    context = copy.copy(target_context)
+    context._internal_codegen = JITCPUCodegen("rockerbogie")
+    return CompileResult._rebuild(context, *payload)._replace(target_context=target_context)
+
+
+def enable_cache(dispatcher: Any) -> None:
+    """Give a dispatcher a cache on disk, and its compilation a notice.
+
+    Args:
+        dispatcher: result of `numba.njit` without `cache`.
+    """
+    cache = KernelCache(dispatcher)
+    compiler = dispatcher._compiler
+    compile_fresh = compiler._compile_core
+    compiler._compile_core = lambda args, return_type: cache.take(compile_fresh(args, return_type))
+    dispatcher._cache = cache
+    notice.announce(dispatcher)
