@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 from ._version import __version__
 
 if TYPE_CHECKING:
+    from .compilation import Compiled as Compiled
+    from .compilation import compile_kernels as compile_kernels
     from .errors import PathError as PathError
     from .errors import RockerbogieError as RockerbogieError
     from .errors import RoverError as RoverError
@@ -160,6 +162,8 @@ _EXPORTS = {
     "Route": "motion.path_files",
     "Plan": "motion.path_files",
     "read_route": "motion.path_files",
+    "compile_kernels": "compilation",
+    "Compiled": "compilation",
 }
 
 __all__ = ["__version__", *_EXPORTS]  # noqa: PLE0604

@@ -29,6 +29,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "odometry": ("rockerbogie.cli.odometry:odometry", "Where a log of joint sensors says the rover went."),
     "validate": ("rockerbogie.cli.validate:validate", "Predicted against logged attitude, with a band for what is not known."),
     "bench": ("rockerbogie.cli.bench:bench", "How fast settling is, as ratios to the paper's own way in the same run."),
+    "compile": ("rockerbogie.cli.compile:compile_", "Compile all kernels for this machine, in advance."),
     "rovers": ("rockerbogie.cli.rovers:app", "The rovers there are; one with its dimensions; a new one; one from a robot file."),
     "export": ("rockerbogie.cli.export:export", "A rover as URDF, SDF, MJCF or TOML, or on ground as a Gazebo world."),
 }
