@@ -350,3 +350,15 @@ def test_the_reference_height_is_a_median_rounded_to_metres() -> None:
         assert reference(np.array([values]), 1) == expected
     with pytest.raises(rb.TerrainError, match=r"every height of z is missing \(NaN\)"):
         reference(np.full((3, 3), np.nan), 2)
+
+
+def test_a_terrain_prints_as_a_line() -> None:
+    terrain = rb.Terrain.from_array(
+        np.array([[0.0, np.nan], [2.0, 4.0]]), (0.5, 0.25), (1, 2), "linear", crs="EPSG:32633", name="<yard>"
+    )
+    assert repr(terrain) == ("<Terrain <yard>: 2 by 2 nodes, cell 0.5 by 0.25 m, linear, x 1 to 1.5, y 2 to 2.25 m, EPSG:32633>")
+    html = terrain._repr_html_()
+    assert "&lt;yard&gt;" in html
+    assert "0 to 4 m" in html
+    assert "25 % of the nodes" in html
+    assert repr(rb.surfaces.plane()).startswith("<Terrain plane: 101 by 101 nodes, cell 0.1 m, cubic, x -5 to 5, y -5 to 5 m")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, field, fields
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ Array = NDArray[np.float64]
 SUSPECT = frozenset({-99999.0, -32768.0, -32767.0, -9999.0, 9999.0, 99999.0})
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Terrain:
     """A height field. Make one with `Terrain.from_array`, `Terrain.from_raster` or `rockerbogie.surfaces`.
 
@@ -59,6 +60,23 @@ class Terrain:
         whole = MapExtent(shape, spacing, origin, self.interpolation, self.crs, self.name, datum.height(), None)
         part, derived = derive(heights, (0, 0), (0, shape[0]), (0, shape[1]), whole)
         _fill(self, part, spacing, origin, self.interpolation, self.crs, self.name, derived)
+
+    def __repr__(self) -> str:
+        (xmin, ymin, xmax, ymax), (dx, dy) = self.bounds, self.spacing
+        cell = f"{dx:.6g} m" if dx == dy else f"{dx:.6g} by {dy:.6g} m"
+        crs = f", {self.crs}" if self.crs and len(self.crs) <= 20 else ", georeferenced" if self.crs else ""
+        return (
+            f"<Terrain {self.name}: {self.z.shape[0]} by {self.z.shape[1]} nodes, cell {cell}, {self.interpolation},"
+            f" x {xmin:.10g} to {xmax:.10g}, y {ymin:.10g} to {ymax:.10g} m{crs}>"
+        )
+
+    def _repr_html_(self) -> str:
+        """Return the table that a notebook shows."""
+        known = np.isfinite(self.z)
+        low, high = (float(f(self.z[known])) if known.any() else np.nan for f in (np.min, np.max))
+        rows = (("heights", f"{low:.6g} to {high:.6g} m"), ("missing data", f"{100 * (1 - known.mean()):.3g} % of the nodes"))
+        cells = "".join(f"<tr><td>{label}</td><td>{text}</td></tr>" for label, text in rows)
+        return f"<div>{escape(repr(self))}<table>{cells}</table></div>"
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore a pickled terrain. Kernels take writable arrays only, and those that come over a network are not."""
