@@ -172,4 +172,4 @@ def test_bad_calls(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "none").write_text("")
     assert "cannot write" in refused(capsys, "export", "osr", "-o", str(tmp_path / "none" / "x.urdf"))
     assert "should end in .png" in refused(capsys, "rovers", "osr", "-o", "x.bmp")
-    assert "which rover is to be drawn" in refused(capsys, "rovers", "-o", "x.png")
+    assert "-o draws one rover" in refused(capsys, "rovers", "-o", "x.png")

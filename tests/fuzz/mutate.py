@@ -1,4 +1,6 @@
-"""Mutate robot files, byte by byte and in ways that keep them readable: `python tests/fuzz/mutate.py 10000` runs that many.
+"""Mutate robot files, byte by byte and in ways that keep them readable.
+
+`python tests/fuzz/mutate.py 10000` runs that many.
 
 Every mutated file must give a possible rover or one `RoverError`, within `LONGEST`. URDF files that MuJoCo reads too must agree
 with it: the pivots' and hubs' positions, and the sum of the masses.
@@ -178,7 +180,7 @@ def read(name: str, text: str) -> tuple[rb.Rover, ImportResult | None]:
 
 
 def agrees_with_mujoco(text: str, result: ImportResult) -> bool:
-    """Check an imported URDF against MuJoCo's reading of it; return False if MuJoCo refuses the file.
+    """Check an imported URDF against MuJoCo; return False if MuJoCo refuses the file.
 
     Joints are found by the names in the report. Distances between pivots and hubs do not depend on the frame; hubs are compared
     in the side view, as they are moved along their axles to the tread. Files with joints that are not at 0 at rest, with laid or
@@ -240,7 +242,10 @@ SOLID = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz
 
 
 def _locked(limit: ElementTree.Element | None) -> bool:
-    """Return True for limits that hold a joint at one angle (both equal, or a missing one read as 0)."""
+    """Return True for limits that hold a joint at one angle.
+
+    A missing limit is read as 0.
+    """
     return limit is not None and float(limit.get("lower") or 0) == float(limit.get("upper") or 0)
 
 
@@ -280,7 +285,7 @@ def check(rover: rb.Rover) -> None:
 
 
 def run(count: int, seed: int = 0) -> Counter[str]:
-    """Mutate and read `count` files; return how many were refused, taken, and compared with MuJoCo."""
+    """Mutate and read `count` files; return the numbers refused, taken and compared."""
     rng = random.Random(seed)
     files = sources()
     names = sorted(files)

@@ -1,4 +1,6 @@
-"""Robot files of the kinds that people report as misread: each has an independent expectation.
+"""Robot files of the kinds that people report as misread.
+
+Each has an independent expectation.
 
 The base robot is written once, by plain formatting, in URDF, SDF and MJCF; each case changes a few words of it. Expected numbers
 come from the base robot's drawing, from MuJoCo, from Pinocchio, or from libsdformat 12.3 (recorded in `SDFORMAT`).
@@ -31,7 +33,7 @@ def said(lines: tuple[str, ...], *words: str) -> bool:
 
 
 def assert_probe(result: ImportResult, *, box: bool = True, mass: float = 35.8) -> None:
-    """The import is the base robot: hubs, pivots, wheel sizes, box, limits and mass from its drawing."""
+    """Assert that the import is the base robot of the drawing."""
     rover, mirror = result.rover, (1, -1, 1)
     assert_close(rover.hubs, np.stack([HUBS, HUBS * mirror], axis=1).reshape(6, 3), 1e-9, "m", "hubs")
     assert_close(rover.rocker_pivot, [ROCKER, ROCKER * mirror], 1e-9, "m", "rocker pivots")
@@ -77,7 +79,7 @@ def test_missing_chassis_mesh_is_not_the_camera() -> None:
 
 @pytest.mark.parametrize("uri", ["y.stl", "meshes/y.obj", "package://robot/meshes/y.stl", "package://other/y.dae"])
 def test_chassis_mesh_gives_the_box(uri: str, tmp_path: Path) -> None:
-    """A box of 60 x 36 x 20 cm as STL, OBJ or DAE, in millimetres in the file; with the camera on top."""
+    """A chassis mesh in millimetres (STL, OBJ or DAE), with a camera on top, gives the box."""
     trimesh = pytest.importorskip("trimesh")
     if uri.endswith(".dae"):
         pytest.importorskip("collada")
@@ -96,7 +98,7 @@ def test_chassis_mesh_gives_the_box(uri: str, tmp_path: Path) -> None:
 
 
 def test_chassis_that_is_only_seen() -> None:
-    """The chassis has a visible mesh and collides with nothing: a camera that collides is not the body."""
+    """A camera that collides is not the body if the chassis is only seen."""
     text = chassis("package://x/y.stl").replace("<collision><geometry><mesh", "<visual><geometry><mesh", 1)
     result = take(text.replace("</geometry></collision></link>", "</geometry></visual></link>", 1))
     assert said(result.warnings, "body_box", "base")
@@ -150,7 +152,7 @@ def test_mjcf_mass_in_a_mesh(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("height", [0.12, 0.02, -0.1])
 def test_turnbuckles_are_not_wheels(height: float) -> None:
-    """Links of the differential on coaxial hinges, with collision cylinders of 1 cm, above the hubs."""
+    """Links of the differential on coaxial hinges above the hubs are not wheels."""
     shape = '<collision><origin rpy="1.5707963 0 0"/><geometry><cylinder radius="0.01" length="0.02"/></geometry></collision>'
     extra = "".join(
         probe.urdf_link(f"a_rod_{s}", 0.05, shape)
@@ -178,7 +180,7 @@ def test_wheel_cylinder_across_its_axle() -> None:
 
 
 def test_right_bogie_turned() -> None:
-    """The right bogie is turned by 0.25 rad: its hubs move by 2 sin(0.125) times their distance from its pivot."""
+    """Hubs of a bogie turned by 0.25 rad move by 2 sin(0.125) times their distance."""
     text = probe.urdf().replace('<origin xyz="-0.29 -0.05 -0.12"/>', '<origin xyz="-0.29 -0.05 -0.12" rpy="0 0.25 0"/>')
     result = take(text)
     turned = np.array([[np.cos(0.25), 0, np.sin(0.25)], [0, 1, 0], [-np.sin(0.25), 0, np.cos(0.25)]])
@@ -312,7 +314,7 @@ def test_joints_that_point_inwards(form: str) -> None:
 
 
 def test_any_link_may_be_the_root() -> None:
-    """The base robot's tree, declared from each of its links: the rover is the same, its frame the body's."""
+    """The base robot's tree, declared from each of its links, gives the same rover."""
     (tree,) = read_trees(probe.sdf(), "probe")
     for root in tree.order:
         assert_probe(build_rover(tree.rooted(root), "probe"))
@@ -384,7 +386,7 @@ def test_sdf_automatic_inertia() -> None:
 
 
 def test_mjcf_other_equalities() -> None:
-    """Another joint's polynomial, an inactive equality of the rockers, and one that is stated twice."""
+    """Equalities of other joints and inactive ones are not the differential."""
     extra = '<joint joint1="steer_Rr" joint2="steer_Rl" polycoef="0 -0.8 0 0.3 0"/>'
     result = take(probe.mjcf(equality=extra))
     assert_probe(result)
@@ -413,7 +415,7 @@ def test_mjcf_polynomial_differential(follower: str) -> None:
 
 
 def test_mjcf_ref() -> None:
-    """MuJoCo's joint coordinate at the pose in the file is `ref`: the limits are the range less that."""
+    """Limits are MuJoCo's range less `ref`, its joint coordinate at the pose in the file."""
     mujoco = pytest.importorskip("mujoco")
     text = probe.mjcf().replace('range="-0.5 0.5"', 'ref="0.7" range="0.2 1.2"')
     assert_probe(take(text))
@@ -435,7 +437,7 @@ def test_mjcf_fused_with_the_world() -> None:
 
 @pytest.mark.parametrize("name", sorted(presets()))
 def test_our_urdf_saved_by_mujoco(name: str, tmp_path: Path) -> None:
-    """URDF through MuJoCo's own writer, which loses the body's mass: six digits, the mass a guess that is reported."""
+    """URDF through MuJoCo's writer: six digits; the body's mass is lost, and guessed."""
     mujoco = pytest.importorskip("mujoco")
     rover = rb.load_rover(name)
     file = tmp_path / "saved.xml"

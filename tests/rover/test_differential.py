@@ -1,4 +1,7 @@
-"""The differential bar against its own definition, links that keep their length: by bisection here, and closed in MuJoCo."""
+"""The differential bar against its definition: links that keep their length.
+
+It is computed by bisection here, and closed in MuJoCo.
+"""
 
 from __future__ import annotations
 
@@ -74,7 +77,10 @@ def test_swapping_sides_is_the_inverse(bar: DifferentialBar) -> None:
 
 @pytest.mark.parametrize("bar", [BAR, SKEW])
 def test_the_rover_follows_it(bar: DifferentialBar) -> None:
-    """The polynomial in the rover follows the linkage to 1e-12 rad from stop to stop, and is no longer than it needs to be."""
+    """The rover's polynomial agrees with the linkage to 1e-12 rad between the limits.
+
+    It is no longer than needed.
+    """
     base = rover()
     machine = rb.Rover.from_pivots(
         wheel_radius=base.wheel_radius, rocker_pivot=base.rocker_pivot, bogie_pivot=base.bogie_pivot, hubs=base.hubs,
@@ -87,7 +93,7 @@ def test_the_rover_follows_it(bar: DifferentialBar) -> None:
 
 
 def test_mujoco_closes_the_same_loop() -> None:
-    """The bar built in MuJoCo from bodies and ball joints, its loops closed by constraints, comes to the same angles."""
+    """The bar built in MuJoCo from bodies and ball joints gives the same angles."""
     mujoco = pytest.importorskip("mujoco")
     pivot, (x, z) = rover().rocker_pivot[0], BAR.pivot
     end, horn = np.array(BAR.end), np.array(BAR.horn)
@@ -132,12 +138,12 @@ def test_mujoco_closes_the_same_loop() -> None:
 
 def test_a_bar_that_locks_is_refused() -> None:
     short = DifferentialBar((0.1, 1.12), (0.1, 0.2, 1.12), (0.30402, 0.79959, 1.4))
-    with pytest.raises(rb.RoverError, match=r"locks when the left rocker stands at .* narrow rocker_limits, or lengthen"):
+    with pytest.raises(rb.RoverError, match=r"locks with the left rocker at .* narrow rocker_limits, or lengthen"):
         short.polynomial(rover().rocker_pivot[0], REACH)
 
 
-def test_a_bar_needs_stops() -> None:
-    with pytest.raises(rb.RoverError, match="needs the rocker's stops"):
+def test_a_bar_needs_joint_limits() -> None:
+    with pytest.raises(rb.RoverError, match="needs the rocker's joint limits"):
         BAR.polynomial(rover().rocker_pivot[0], (-np.inf, np.inf))
 
 
@@ -148,7 +154,10 @@ def test_a_dead_centre_is_refused() -> None:
 
 
 def test_settles_with_a_bar() -> None:
-    """On ground that turns the rockers far, the real bar and the ideal one differ, and each holds its own relation."""
+    """The real bar and the ideal one differ, and each keeps its own relation.
+
+    The terrain turns the rockers far.
+    """
     ideal = rover()
     real = ideal.replace(differential=BAR.polynomial(ideal.rocker_pivot[0], ideal.rocker_limits))
     across = np.linspace(-8, 8, 161)
@@ -164,7 +173,10 @@ def test_settles_with_a_bar() -> None:
 
 
 def test_a_quartic_stands_for_it_in_mujoco() -> None:
-    """MuJoCo's equality ends at the fourth power; the bar's rover is exported with the nearest, 4e-4 rad off at 32 deg."""
+    """The bar's rover is exported to MuJoCo with the nearest quartic.
+
+    It errs by 4e-4 rad at 32 deg.
+    """
     mujoco = pytest.importorskip("mujoco")
     base = rover()
     real = base.replace(differential=BAR.polynomial(base.rocker_pivot[0], REACH))
@@ -174,5 +186,5 @@ def test_a_quartic_stands_for_it_in_mujoco() -> None:
     assert_close(held(left), real.right_rocker(left), 4e-4, "rad", "the quartic over the whole reach")
     near = left[np.abs(left) < np.radians(14.5)]
     assert_close(held(near), real.right_rocker(near), 2.5e-4, "rad", "and where it works")
-    with pytest.raises(rb.RoverError, match="needs the rocker's stops"):
+    with pytest.raises(rb.RoverError, match="needs the rocker's joint limits"):
         rb.to_mjcf(real.replace(rocker_limits=np.array([-np.inf, np.inf])))

@@ -1,4 +1,7 @@
-"""Mutated robot files: a possible rover or one sentence, in agreement with MuJoCo; and changes that must not change the rover."""
+"""Mutated robot files, and changes that must not change the rover.
+
+A mutated file gives a possible rover, in agreement with MuJoCo, or one sentence.
+"""
 
 from __future__ import annotations
 
@@ -142,7 +145,7 @@ SOURCES = {
 
 @pytest.mark.parametrize("name", SOURCES)
 def test_harmless_changes_change_nothing(name: str) -> None:
-    """Other names, order, roots, senses of parent and child, sensor frames, loose links: the rover is the same."""
+    """Names, order, roots, reversed joints, sensors and loose links change nothing."""
     truth = build_rover(read_trees(SOURCES[name], name), name).rover
     rng = random.Random(name)
     for _ in range(40):

@@ -1,4 +1,4 @@
-"""Import of robot files in the styles of others: found by structure, repaired, reported, overridden; and refusals."""
+"""Import of robot files in the styles of others: reports, overrides, refusals."""
 
 from __future__ import annotations
 
@@ -29,7 +29,10 @@ def assert_geometry(got: rb.Rover, truth: rb.Rover, tol: float, *, but: tuple[st
 
 
 def assert_sits_level(rover: rb.Rover, tol: float) -> None:
-    """On flat ground every wheel is down, and the body level to within what its hubs' heights leave (m over its length)."""
+    """Assert that on a plane every wheel is down and the body horizontal.
+
+    The tolerance is what the hubs' heights leave over its length.
+    """
     size = 4 * rover.wheelbase
     ground = rb.Terrain.from_array(np.zeros((41, 41)), spacing=size / 40, origin=(-size / 2, -size / 2))
     pose = rb.settle(rover, ground, 0.0, 0.0, 0.3)
@@ -392,13 +395,13 @@ def test_three_bogies_are_not_a_rocker_bogie() -> None:
 
 
 def test_sdf_with_loops_and_frames() -> None:
-    """Poses relative to other frames, in degrees, axes in the model's, a bar closed by balls, in a world with other models."""
+    """SDF with relative poses in degrees, a closed loop, and other models is read."""
     truth = rb.load_rover("sawppy")
     text = to_sdf(truth)
-    knee = '<link name="bogie_left">\n      <pose>-0.11 0.18 -0.0502 0.0 0.0 0.0</pose>'
-    assert knee in text
-    text = text.replace(knee, '<frame name="knee"><pose degrees="true">-0.11 0.18 -0.0502 0 90 0</pose></frame>'
-                              '<link name="bogie_left"><pose relative_to="knee" degrees="true">0 0 0 0 -90 0</pose>')  # fmt: skip
+    at = '<link name="bogie_left">\n      <pose>-0.11 0.18 -0.0502 0.0 0.0 0.0</pose>'
+    assert at in text
+    text = text.replace(at, '<frame name="p"><pose degrees="true">-0.11 0.18 -0.0502 0 90 0</pose></frame>'
+                              '<link name="bogie_left"><pose relative_to="p" degrees="true">0 0 0 0 -90 0</pose>')  # fmt: skip
     text = text.replace(
         "</model>",
         '<link name="bar"><pose>0 0 0.07 0 0 0</pose></link><link name="rod"><pose>0.03 0.1 0.07 0 0 0</pose></link>'

@@ -1,4 +1,4 @@
-"""Rover -> URDF, SDF, MJCF, TOML -> Rover comes back the same, and other programs load what we write."""
+"""Rovers written in each format read back the same, and load in other programs."""
 
 from __future__ import annotations
 
@@ -168,7 +168,7 @@ def test_loads_in_yourdfpy(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_differential_holds_in_mujoco(name: str) -> None:
-    """Dropped onto rocks, the exported rover's rockers keep right = -left to 1e-4 rad all the way."""
+    """Dropped onto rocks, the exported rover keeps right = -left to 1e-4 rad."""
     mujoco = pytest.importorskip("mujoco")
     rover = rb.load_rover(name)
     size = rover.wheelbase

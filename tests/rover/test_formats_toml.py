@@ -1,4 +1,7 @@
-"""The package's own rover files: units in the keys, every wrong file named in one sentence, comments and the template."""
+"""Tests of the package's own rover files.
+
+Keys carry units, every wrong file is named in one sentence, comments explain the keys.
+"""
 
 from __future__ import annotations
 
@@ -70,7 +73,7 @@ def test_a_bar_in_a_file() -> None:
         ("wheels = 3", r"wheels must be a table: write \[wheels\]"),
         (GOOD + "[stops]\nbogie_deg = [10, 20]", "bogie_limits .* must hold the rest angle 0"),
         (GOOD + "[stops]\nbogie_deg = [-300, 300]", "beyond a half turn"),
-        (GOOD + "[dh]\nK3_m = 1.0", r"\[dh\] already says wheels.radius_m; give one or the other"),
+        (GOOD + "[dh]\nK3_m = 1.0", r"\[dh\] already gives wheels.radius_m; give one or the other"),
         ("[dh]\nK3_m = 1.0", r"\[dh\] lacks K4, K5"),
         (GOOD + "[differential]\nratio = 1\ncoefficients = [0, -1]", "given in 2 ways"),
         (GOOD + "[differential]\nbar_end_m = [0, 0.8, 1]", "a differential bar needs bar_pivot_m, bar_end_m, horn_m"),
@@ -79,7 +82,7 @@ def test_a_bar_in_a_file() -> None:
         (GOOD + "[link.body]\nmass_kg = 1", r"\[link.body\] lacks com_m, inertia_kg_m2"),
         (GOOD + "[link.boddy]\nmass_kg = 1", r"no part under \[link\] named 'boddy'; did you mean 'body'\?"),
         (GOOD + "[link.rocker_left]\n" + PART, "gives 1 of the 2 rockers; give all or none"),
-        (GOOD + "[link.body]\n" + PART.replace("[1,1,1", "[1,1,3"), "a link's inertia is none a body can have"),
+        (GOOD + "[link.body]\n" + PART.replace("[1,1,1", "[1,1,3"), "a link's inertia is one that no body can have"),
         (GOOD + "[link.body]\n" + PART.replace("[1,1,1", "[9e6,9e6,9e6"), "a moment of inertia of 9e.06 kg m2"),
         (GOOD + "[link.body]\n" + PART.replace("[0,0,0]", "[0,0,90]", 1), "a centre of mass would be 90 m from the wheels"),
         (GOOD.replace("0.4,", "400.0,"), r"its wheelbase would be 800 m, .*: is the file in millimetres\?"),

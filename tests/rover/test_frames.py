@@ -33,7 +33,7 @@ def A(theta: float, d: float, a: float, alpha: float) -> np.ndarray:
 
 
 def paper_axles(rho: float, beta1: float, beta2: float, psi1: float, psi2: float) -> np.ndarray:
-    """T_R,A1 ... T_R,A6 (6, 4, 4): Table I (mended) cascaded as eqs 2-4 say."""
+    """T_R,A1 ... T_R,A6 (6, 4, 4): Table I (repaired) cascaded as eqs 2-4 say."""
     D = A(0.0, K1, K2, DOWN)
     B1 = A(K9 + rho, K3, K6, 0.0)
     B2 = A(K9 - rho, -K3, K6, 0.0)
@@ -167,7 +167,7 @@ def test_angles_broadcast_together() -> None:
 
 
 def cascade(rows: list[DHRow], rover: rb.Rover, rho: float, beta: np.ndarray, psi: np.ndarray) -> np.ndarray:
-    """T_body_axle (6, 4, 4) by multiplying a D-H table's matrices from each wheel up to the body."""
+    """Return T_body_axle (6, 4, 4) by multiplying the matrices of a D-H table."""
     joint = {"": 0.0, "rocker_left": rho, "rocker_right": float(rover.right_rocker(rho))}
     joint |= {"bogie_left": beta[0], "bogie_right": beta[1], **{f"steering_{i}": psi[i] for i in range(6)}}
     T = {"R": np.eye(4)}
@@ -212,7 +212,7 @@ def test_the_papers_table_comes_back() -> None:
 def test_no_table_without_a_common_pivot_axis() -> None:
     rover = paper_rover()
     skewed = rover.replace(rocker_pivot=rover.rocker_pivot + [[0.0, 0, 0], [0.01, 0, 0]])
-    with pytest.raises(rb.RockerbogieError, match="rocker pivots share no axis"):
+    with pytest.raises(rb.RockerbogieError, match="rocker pivots are not on one axis"):
         rb.dh_table(skewed)
 
 

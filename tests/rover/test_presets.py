@@ -1,4 +1,4 @@
-"""The rovers that come with the package: data folders that load, and say where their numbers come from."""
+"""Tests of the package's rovers: folders that load and state their sources."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_did_you_mean() -> None:
         ({"wheel_width": np.full(6, 2.2)}, r"wheels LR and RR overlap: hubs 0 m apart, radii sum 0\.5 m"),
         ({"differential": np.array([0.0, -1.0, 1.5])}, "differential stops turning the right rocker at .* narrow rocker_limits"),
         ({"differential": np.array([0.0, -1e-5])}, "by -0.01 to -100 of its angle; here it is -1e-05"),
-        ({"hubs": np.zeros((6, 3))}, "a left hub does not stand left"),
+        ({"hubs": np.zeros((6, 3))}, "a left hub is not to the left"),
     ],
 )
 def test_a_rover_that_cannot_be(change: dict[str, np.ndarray], sentence: str) -> None:
@@ -86,11 +86,14 @@ def test_settles_on_the_flat(name: str) -> None:
 
 
 def test_a_stop_beyond_reach() -> None:
-    """Wheels so large that the bogie's meets the rocker's before the stop; at 3 deg they have not met yet."""
+    """A bogie's wheel that meets the rocker's before the joint limit is refused.
+
+    At 3 deg they do not meet yet.
+    """
     shape = {"wheel_radius": 0.19, "rocker_pivot": (0.1, 0.2, 0.3), "bogie_pivot": (-0.2, 0.25, 0.15)}
     hubs = [(0.4, 0.3, 0.0), (0.0, 0.3, 0.0), (-0.4, 0.3, 0.0)]
     rb.Rover.from_pivots(**shape, hubs=hubs, bogie_limits=np.radians([-3, 25]))
     with pytest.raises(
-        RoverError, match=r"a bogie cannot reach its stop at -25 deg: wheels LM and LF meet before; narrow bogie_limits"
+        RoverError, match=r"a bogie cannot reach its limit at -25 deg: wheels LM and LF meet before; narrow bogie_limits"
     ):
         rb.Rover.from_pivots(**shape, hubs=hubs, bogie_limits=np.radians([-25, 25]))

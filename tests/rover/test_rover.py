@@ -1,4 +1,4 @@
-"""The mechanism: both ways to describe it, what follows from it, and what it will not accept."""
+"""Tests of the mechanism: its descriptions, its derived quantities, its refusals."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ MISSES_SIDEWAYS = [(-0.3, 0.3, -0.2), (0.25, 0.4, -0.2), (0.4, 0.3, -0.2)]
         ({"wheel_radius": 0.0}, "rover 'plain': wheel_radius is 0 m; give one above 0"),
         ({"wheel_radius": np.nan}, "wheel_radius holds a value that is not finite"),
         ({"wheel_width": -0.01}, "wheel_width is -0.01 m; give 0 or more"),
-        ({"hubs": np.multiply(PIVOTS["hubs"], (1, -1, 1))}, "a left hub does not stand left .greater y. of its right one"),
+        ({"hubs": np.multiply(PIVOTS["hubs"], (1, -1, 1))}, "a left hub is not to the left .greater y. of its right one"),
         ({"bogie_pivot": (0.0, 0.3, 0.1)}, "bogie pivot and rocker pivot coincide in the side view"),
         ({"hubs": CLOSE}, "wheels LF and LM overlap: hubs 0.15 m apart, radii sum 0.2 m"),
         ({"hubs": ROCKER_NEAR}, "wheels LM and LR overlap: hubs 0.1 m apart, radii sum 0.2 m"),

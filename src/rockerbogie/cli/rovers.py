@@ -1,4 +1,4 @@
-"""`rockerbogie rovers`: the rovers there are, one with its dimensions, a new one, one read from a robot file."""
+"""Command `rockerbogie rovers`: list, show, start and import rovers."""
 
 from __future__ import annotations
 
@@ -14,36 +14,36 @@ from rich.table import Table
 
 from ..errors import RockerbogieError
 from ..outputs import SOURCE
-from ..rover.formats import import_rover, load_rover, presets, read_details, schema, to_toml
+from ..rover.formats import LABELS, import_rover, load_rover, presets, read_details, schema, to_toml
 from ..rover.frames import DHRow, dh_table
 from ..rover.model import IDEAL_DIFFERENTIAL, Rover
 from .common import Force, Json, guard_outputs, make_folder, print_json
 
-app = cyclopts.App(name="rovers", help="The rovers there are; one with its dimensions; a new one; one from a robot file.")
+app = cyclopts.App(name="rovers", help="List rovers, show one with its dimensions, start a rover file, import a robot file.")
 
 Picture = Annotated[Path | None, Parameter(name=["--output", "-o"])]
 
 
 @app.default
 def show(name: str | None = None, /, *, output: Picture = None, force: Force = False, json: Json = False) -> None:
-    """List the rovers, or show one: its dimensions, its Denavit-Hartenberg table, and with -o its drawing.
+    """List the rovers, or show one.
+
+    It shows dimensions and the Denavit-Hartenberg table (K1 to K11); with -o the drawing.
 
     Parameters
     ----------
     name
         A preset's name, or a rover file. None: list the presets.
     output
-        Draw it, with its dimensions, into this picture (.png, .svg or .pdf).
+        Picture (.png, .svg or .pdf) to draw it into, with its dimensions.
     force
         Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
-        Print JSON (SI units, radians) in place of tables.
+        Print JSON (SI units, radians) instead of tables.
     """
     if name is None:
         if output is not None:
-            raise RockerbogieError(
-                "which rover is to be drawn? Give its name, as in: rockerbogie rovers curiosity -o curiosity.png"
-            )
+            raise RockerbogieError("-o draws one rover: give its name, as in: rockerbogie rovers curiosity -o curiosity.png")
         _list(json)
         return
     if output is not None:
@@ -66,14 +66,14 @@ def show(name: str | None = None, /, *, output: Picture = None, force: Force = F
 
 @app.command
 def new(file: Path, /, *, like: str = "curiosity", force: Force = False) -> None:
-    """Start a rover file, with a comment to every key.
+    """Write a new rover file, with a comment on every key.
 
     Parameters
     ----------
     file
         The file to write, ending in .toml.
     like
-        The rover whose numbers to start from.
+        Rover whose numbers the file starts with: a preset's name, or a rover file.
     force
         Replace a rover file that is there. Inputs are never replaced.
     """
@@ -101,28 +101,30 @@ def import_(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Read a rover from a URDF, SDF or MJCF file: say what was found, guessed and mended, and write it as TOML.
+    """Import a URDF, SDF or MJCF file, and write the rover as TOML.
+
+    The report lists what was found, guessed, repaired and dropped, and warnings.
 
     Parameters
     ----------
     file
-        The robot description; expand it first if it is xacro.
+        Robot file; expand it first if it is xacro. Meshes are read from files beside it (rockerbogie[robots]).
     output
         The .toml file to write.
     scale
         Metres in the file's unit of length: 0.001 for millimetres.
     forward
-        The rover's forward direction as an axis of the file's root frame, where it is taken wrong: x, -x, y, -y, z or -z.
+        The rover's forward direction as an axis of the file's root frame, if it is found wrong: x, -x, y, -y, z or -z.
     up
-        Its upward direction, likewise.
+        The rover's upward direction as such an axis.
     joint
-        Overrule who is who: wheels=A,B,C,D,E,F or bogies=A,B or rockers=A,B or steering=A,B,... by the joints' names.
+        Override the roles of joints, by name: wheels=A,B,C,D,E,F or bogies=A,B or rockers=A,B or steering=A,B,...
     set_
-        Overrule a number, by its key in a rover file: wheels.radius_m=0.075, stops.bogie_deg=[-30,30], mass.total_kg=12, ...
+        Override a number, by its key in a rover file: wheels.radius_m=0.075, stops.bogie_deg=[-30,30], mass.total_kg=12, ...
     force
         Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
-        Print JSON in place of text.
+        Print JSON instead of text.
     """
     from ..rover.formats.import_overrides import parse_joints, parse_numbers
 
@@ -135,7 +137,7 @@ def import_(
     if output is not None:
         _write(output, lambda: output.write_text(to_toml(result.rover), encoding="utf-8"))
     if json:
-        print_json(_record(result.rover) | {key: getattr(result, key) for key in ("found", "guessed", "repaired")})
+        print_json(_record(result.rover) | {key: getattr(result, key) for key in LABELS})
     else:
         print(result)
         if output is not None:
@@ -144,12 +146,14 @@ def import_(
 
 @app.command(name="schema")
 def schema_(file: Path | None = None, /, *, force: Force = False) -> None:
-    """The JSON schema of rover files, for editors that check while one writes.
+    """Print or write the JSON schema of rover files.
+
+    Editors use it to check a file while it is written.
 
     Parameters
     ----------
     file
-        Where to write it. None: print it.
+        File to write. None: print the schema.
     force
         Replace an existing file that rockerbogie did not write.
     """
@@ -166,11 +170,13 @@ def schema_(file: Path | None = None, /, *, force: Force = False) -> None:
 
 
 def _check_ending(file: Path, endings: tuple[str, ...]) -> None:
+    """Raise an error if a file's name has none of the endings."""
     if file.suffix.lower() not in endings:
         raise RockerbogieError(f"{str(file)!r} should end in {' or '.join(endings)}")
 
 
 def _write(file: Path, write: Any) -> None:
+    """Make the file's folder and call `write`; raise one sentence if the file cannot be written."""
     make_folder(file.parent)
     try:
         write()
@@ -179,13 +185,14 @@ def _write(file: Path, write: Any) -> None:
 
 
 def _list(as_json: bool) -> None:
+    """Print the presets as a table or as JSON."""
     rows = {name: (load_rover(name), read_details(name)) for name in presets()}
     if as_json:
         print_json({name: _record(rover) | details for name, (rover, details) in rows.items()})
         return
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for head in ("rover", "what it is", "wheelbase", "wheels", "mass", "grade"):
-        table.add_column(head, justify="right" if head in ("wheelbase", "wheels", "mass") else "left", no_wrap=True)
+    for column in ("rover", "title", "wheelbase", "wheels", "mass", "grade"):
+        table.add_column(column, justify="right" if column in ("wheelbase", "wheels", "mass") else "left", no_wrap=True)
     for name, (rover, details) in rows.items():
         size, mass = f"{rover.wheelbase:.3f} m", f"{rover.mass:.4g} kg"
         table.add_row(name, details["title"], size, f"{2e3 * rover.wheel_radius.max():.0f} mm", mass, details["grade"])
@@ -196,6 +203,7 @@ def _list(as_json: bool) -> None:
 
 
 def _record(rover: Rover) -> dict[str, Any]:
+    """Return a rover's fields for JSON."""
     names = (
         "name", "rocker_pivot", "bogie_pivot", "hubs", "wheel_radius", "wheel_width", "wheel_names", "steers", "steering_offset",
         "rocker_limits", "bogie_limits", "differential", "body_box", "mass", "source",
@@ -204,14 +212,15 @@ def _record(rover: Rover) -> dict[str, Any]:
 
 
 def _print_rover(rover: Rover, details: dict[str, str]) -> None:
+    """Print a rover's dimensions and its Denavit-Hartenberg table."""
     console = Console()
     console.print(f"[bold]{rover.name}[/]  {details.get('title', '')}", highlight=False)
     for label, text in (("source", rover.source), ("grade", details.get("grade", ""))):
         if text:
             console.print(f"{label}: {text}", highlight=False)
     table = Table(box=box.SIMPLE, padding=(0, 1))
-    for head in ("", "x m", "y m", "z m", "radius m", "width m", "steers"):
-        table.add_column(head, justify="right" if head not in ("", "steers") else "left")
+    for column in ("", "x m", "y m", "z m", "radius m", "width m", "steers"):
+        table.add_column(column, justify="right" if column not in ("", "steers") else "left")
     for label, points in (("rocker pivot", rover.rocker_pivot), ("bogie pivot", rover.bogie_pivot)):
         for side, point in zip(("left", "right"), points, strict=True):
             table.add_row(f"{label} {side}", *(f"{v:.5g}" for v in point))
@@ -219,21 +228,24 @@ def _print_rover(rover: Rover, details: dict[str, str]) -> None:
         size = (rover.wheel_radius[i], rover.wheel_width[i])
         table.add_row(f"hub {name}", *(f"{v:.5g}" for v in (*rover.hubs[i], *size)), "yes" if rover.steers[i] else "")
     console.print(table)
-    stops = " · ".join(
-        f"{joint} {_stops(limits)}" for joint, limits in (("rocker", rover.rocker_limits), ("bogie", rover.bogie_limits))
+    limits = " · ".join(
+        f"{joint} {_limits(limits)}" for joint, limits in (("rocker", rover.rocker_limits), ("bogie", rover.bogie_limits))
     )
-    print(f"mass {rover.mass:.4g} kg · stops: {stops} · differential: {_differential(rover)}\n")
+    print(f"mass {rover.mass:.4g} kg · joint limits: {limits} · differential: {_differential(rover)}\n")
     print("Denavit-Hartenberg table (Elhami & Dashti, Table I; ρ, β, ψ are the joints' angles)")
     table = Table(box=box.SIMPLE, padding=(0, 1))
-    for head in ("frame", "on", "θ °", "d m", "a m", "α °"):
-        table.add_column(head, justify="left" if head in ("frame", "on") else "right")
+    for column in ("frame", "on", "θ °", "d m", "a m", "α °"):
+        table.add_column(column, justify="left" if column in ("frame", "on") else "right")
     for row in dh_table(rover):
         table.add_row(row.frame, row.parent, _theta(rover, row), f"{row.d:.5g}", f"{row.a:.5g}", f"{np.degrees(row.alpha):.5g}")
     console.print(table)
 
 
 def _theta(rover: Rover, row: DHRow) -> str:
-    """θ as the paper writes it: the joint's own angle and a constant; the right rocker as minus the left where it is."""
+    """Return θ in the paper's form: a constant and the joint's angle.
+
+    The right rocker's is minus the left one's for the ideal differential.
+    """
     joint, _, which = row.joint.partition("_")
     sign, angle = "", ""
     if joint == "rocker":
@@ -251,7 +263,8 @@ def _theta(rover: Rover, row: DHRow) -> str:
     return f"{constant:.5g} {sign or '+'} {angle}"
 
 
-def _stops(limits: Any) -> str:
+def _limits(limits: Any) -> str:
+    """Return joint limits (2,) as text, degrees."""
     low, high = np.degrees(limits)
     if np.isinf(low) and np.isinf(high):
         return "none"
@@ -259,6 +272,10 @@ def _stops(limits: Any) -> str:
 
 
 def _differential(rover: Rover) -> str:
+    """Return a rover's differential as text.
+
+    It is ideal, a ratio, or a bar with its deviation from a ratio.
+    """
     slope = rover.differential[1]
     if rover.differential[2:].any():
         low, high = (float(v) for v in np.clip(rover.rocker_limits, -0.5, 0.5))

@@ -1,4 +1,4 @@
-"""Rovers: the mechanism, its checks, its frames, and the files it is read from and written to."""
+"""Rovers: the mechanism, its checks, its frames, and its file formats."""
 
 from __future__ import annotations
 

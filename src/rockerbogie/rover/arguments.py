@@ -16,6 +16,9 @@ def numbers(name: str, value: ArrayLike) -> Array:
         name: the argument's name, for messages.
         value: numbers.
 
+    Returns:
+        (...) float64.
+
     Raises:
         RoverError: not numbers, or rows of different length.
     """
@@ -33,6 +36,9 @@ def array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
         value: numbers.
         shape: the shape it must have.
 
+    Returns:
+        The array, of that shape.
+
     Raises:
         RoverError: another shape.
     """
@@ -48,6 +54,9 @@ def sides(name: str, value: ArrayLike) -> Array:
     Args:
         name: the argument's name, for messages.
         value: (3,) left, or (2, 3) left and right.
+
+    Returns:
+        (2, 3) left and right.
 
     Raises:
         RoverError: another shape, or the left point on the right.
@@ -67,6 +76,9 @@ def hubs(value: ArrayLike) -> Array:
     Args:
         value: (3, 3) left, or (6, 3).
 
+    Returns:
+        (6, 3).
+
     Raises:
         RoverError: another shape.
     """
@@ -85,6 +97,9 @@ def per_wheel(name: str, value: ArrayLike) -> Array:
         name: the argument's name, for messages.
         value: a number, (3,) per axle or (6,).
 
+    Returns:
+        (6,).
+
     Raises:
         RoverError: another shape.
     """
@@ -101,6 +116,9 @@ def offsets(value: ArrayLike) -> Array:
 
     Args:
         value: (2,), (3, 2) left, or (6, 2).
+
+    Returns:
+        (6, 2).
 
     Raises:
         RoverError: another shape.
@@ -120,6 +138,9 @@ def wheel_names(hubs: Array) -> tuple[str, ...]:
 
     Args:
         hubs: (6, 3) in wheel order, m.
+
+    Returns:
+        Six names.
     """
     outer = "F" if hubs[0, 0] > hubs[4, 0] else "R"
     other = "R" if outer == "F" else "F"

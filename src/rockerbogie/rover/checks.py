@@ -1,4 +1,7 @@
-"""What no rover can be: checked whenever one is made, each with the value, the limit and the way out."""
+"""Checks of a rover's parameters on construction.
+
+Each error states the value, the limit and the remedy.
+"""
 
 from __future__ import annotations
 
@@ -57,10 +60,13 @@ class RoverFields(Protocol):
 
 
 def check_rover(rover: RoverFields) -> None:
-    """Refuse a rover that cannot be.
+    """Validate a rover's parameters.
+
+    Args:
+        rover: the fields to check.
 
     Raises:
-        RoverError: the first thing found wrong with it.
+        RoverError: the first impossible value.
     """
     check = _Check(rover.name)
     _check_lengths(rover, check)
@@ -75,7 +81,16 @@ def check_rover(rover: RoverFields) -> None:
 
 
 def possible_inertia(inertia: Array) -> bool:
-    """True for an inertia (3, 3) some rigid body has: symmetric, no moment negative or above the sum of the other two."""
+    """Return True if a rigid body can have this inertia.
+
+    It must be symmetric, with no moment negative or above the sum of the other two.
+
+    Args:
+        inertia: (3, 3), kg m².
+
+    Returns:
+        True if it is possible, up to rounding.
+    """
     moments = np.linalg.eigvalsh(inertia)
     slack = 1e-9 * float(np.abs(inertia).max())
     even = bool(np.abs(inertia - inertia.T).max() <= slack)
@@ -83,7 +98,7 @@ def possible_inertia(inertia: Array) -> bool:
 
 
 class _Check:
-    """Raises with the rover's name before the sentence."""
+    """Check that raises with the rover's name before the sentence."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -94,45 +109,50 @@ class _Check:
 
 
 def _check_lengths(rover: RoverFields, check: _Check) -> None:
+    """Check names, lengths and sides."""
     check(len(rover.wheel_names) == 6 and len(set(rover.wheel_names)) == 6, "wheel_names needs six different names")
     for label in ("rocker_pivot", "bogie_pivot", "hubs", "wheel_radius", "wheel_width", "steering_offset", "body_box"):
         check(bool(np.isfinite(getattr(rover, label)).all()), f"{label} holds a value that is not finite")
     check(bool((rover.wheel_radius > 0).all()), f"wheel_radius is {rover.wheel_radius.min():g} m; give one above 0")
     check(bool((rover.wheel_width >= 0).all()), f"wheel_width is {rover.wheel_width.min():g} m; give 0 or more")
     left, right = rover.hubs[::2, 1], rover.hubs[1::2, 1]
-    check(bool((left > right).all()), "a left hub does not stand left (greater y) of its right one: y points left")
+    check(bool((left > right).all()), "a left hub is not to the left (greater y) of its right one: y points left")
     arm = np.hypot(*(rover.bogie_pivot - rover.rocker_pivot)[:, [0, 2]].T)
     check(bool((arm > 1e-6).all()), "bogie pivot and rocker pivot coincide in the side view: the linkage has no rocker")
     check(bool((rover.body_box[0] < rover.body_box[1]).all()), "body_box: its first corner must be below its second")
 
 
 def _check_wheels(rover: RoverFields, check: _Check) -> None:
-    """No two wheels in one place: at rest, nor a bogie's and its rocker's with the bogie at a stop."""
+    """Check that no two wheels overlap, at rest or with a bogie at a joint limit."""
     for i, j in combinations((4, 2, 0, 5, 3, 1), 2):
         apart, need = _gap(rover, rover.hubs, i, j)
         names = f"{rover.wheel_names[i]} and {rover.wheel_names[j]}"
         check(apart >= need, f"wheels {names} overlap: hubs {apart:.4g} m apart, radii sum {need:.4g} m")
-    for stop in rover.bogie_limits[np.isfinite(rover.bogie_limits)]:
+    for limit in rover.bogie_limits[np.isfinite(rover.bogie_limits)]:
         hubs = rover.hubs.copy()
         for i in range(2, 6):
             x, _, z = rover.hubs[i] - rover.bogie_pivot[i % 2]
-            turned = (x * np.cos(stop) + z * np.sin(stop), 0.0, z * np.cos(stop) - x * np.sin(stop))
+            turned = (x * np.cos(limit) + z * np.sin(limit), 0.0, z * np.cos(limit) - x * np.sin(limit))
             hubs[i] = rover.bogie_pivot[i % 2] + turned + (0.0, rover.hubs[i, 1] - rover.bogie_pivot[i % 2, 1], 0.0)
         for i in range(2, 6):
             apart, need = _gap(rover, hubs, i, i % 2)
             names = f"{rover.wheel_names[i]} and {rover.wheel_names[i % 2]}"
-            degrees = f"{np.degrees(stop):.4g} deg"
-            check(apart >= need, f"a bogie cannot reach its stop at {degrees}: wheels {names} meet before; narrow bogie_limits")
+            degrees = f"{np.degrees(limit):.4g} deg"
+            check(apart >= need, f"a bogie cannot reach its limit at {degrees}: wheels {names} meet before; narrow bogie_limits")
 
 
 def _gap(rover: RoverFields, hubs: Array, i: int, j: int) -> tuple[float, float]:
-    """How far two hubs are apart in the side view, and how far they must be: no distance where the wheels pass abreast."""
-    abreast = abs(hubs[i, 1] - hubs[j, 1]) > (rover.wheel_width[i] + rover.wheel_width[j]) / 2
+    """Return the distance of two hubs in the side view, and the least one allowed, m.
+
+    The latter is 0 if the wheels pass side by side.
+    """
+    beside = abs(hubs[i, 1] - hubs[j, 1]) > (rover.wheel_width[i] + rover.wheel_width[j]) / 2
     apart = float(np.hypot(*(hubs[i] - hubs[j])[[0, 2]]))
-    return apart, 0.0 if abreast else float(rover.wheel_radius[i] + rover.wheel_radius[j])
+    return apart, 0.0 if beside else float(rover.wheel_radius[i] + rover.wheel_radius[j])
 
 
 def _check_differential(rover: RoverFields, check: _Check) -> None:
+    """Check that the right rocker turns against the left one over the whole reach."""
     c = rover.differential
     good = c.ndim == 1 and 2 <= len(c) <= MOST_COEFFICIENTS and bool(np.isfinite(c).all())
     check(good, f"differential needs 2 to {MOST_COEFFICIENTS} finite coefficients")
@@ -147,6 +167,7 @@ def _check_differential(rover: RoverFields, check: _Check) -> None:
 
 
 def _check_links(rover: RoverFields, check: _Check) -> None:
+    """Check the number of links, and their masses, centres and inertias."""
     for label, count in (("rockers", 2), ("bogies", 2), ("wheels", 6)):
         check(len(getattr(rover, label)) == count, f"{label} needs {count} links, got {len(getattr(rover, label))}")
     for link in rover.links:
@@ -156,5 +177,5 @@ def _check_links(rover: RoverFields, check: _Check) -> None:
             check(value.shape == shape, f"a link's {label} has shape {value.shape}; give {shape}")
             check(bool(np.isfinite(value).all()), f"a link's {label} holds a value that is not finite")
         why = "symmetric, not negative, no moment above the other two's sum"
-        check(possible_inertia(link.inertia), f"a link's inertia is none a body can have: {why}")
+        check(possible_inertia(link.inertia), f"a link's inertia is one that no body can have: {why}")
     check(rover.mass > 0, "the rover has no mass; give mass= in kg")

@@ -1,7 +1,9 @@
-"""The differential bar: a bar across the deck, tied by a link at each end to a horn on each rocker.
+"""Differential bar: a bar across the deck.
+
+A link at each end joins it to a horn on each rocker.
 
 Each half is a spatial four-bar (a hinge on the bar's upright axis, a ball at each end of the link, the rocker's hinge), so
-the bar's angle follows from the left rocker, and the right rocker from the bar's angle, each in closed form.
+the left rocker gives the bar's angle, and the bar's angle the right rocker, each in closed form.
 """
 
 from __future__ import annotations
@@ -20,20 +22,22 @@ from ..errors import RoverError
 MOST_COEFFICIENTS = 24
 #: The right rocker turns by between these shares of the left one's angle, at rest.
 LEAST_RATIO, LARGEST_RATIO = 0.01, 100.0
-#: The polynomial follows the linkage this closely over its whole reach, rad.
+#: Largest error of the polynomial over the linkage's whole reach, rad.
 FIT_ERROR = 1e-12
-#: A quartic may stand for it where nothing longer is held, if it stays this close, rad.
+#: Largest error of a quartic in formats that hold no longer polynomial, rad.
 QUARTIC_ERROR = 1e-3
-#: Angles at which the fit is made, and at which it is checked.
+#: Number of angles at which the fit is made, and at which it is checked.
 FIT_POINTS, CHECK_POINTS = 200, 1001
 
 
 @dataclass(frozen=True)
 class DifferentialBar:
-    """Where the bar's parts stand at rest: left side, body frame, m; the right side is its mirror image.
+    """Positions of a differential bar's parts at rest, body frame, m.
+
+    They are those of the left side; the right side is its mirror image.
 
     `pivot` (2,): x and z of the bar's upright axis, in the body's middle plane. `end` (3,): the bar's left end. `horn` (3,):
-    where the link from that end holds the left rocker.
+    the point of the left rocker that the link from that end holds.
     """
 
     pivot: tuple[float, float]
@@ -41,10 +45,17 @@ class DifferentialBar:
     horn: tuple[float, float, float]
 
     def right(self, rocker_pivot: ArrayLike, left: ArrayLike) -> Array:
-        """Angle (...) of the right rocker for the left one's (...), rad; nan where the linkage cannot close.
+        """Return the right rocker's angle for the left one's.
 
         Args:
             rocker_pivot: (3,) of the left rocker, m.
+            left: (...) rad.
+
+        Returns:
+            (...) rad; NaN if the linkage cannot close.
+
+        Raises:
+            RoverError: the link is in line with its arm at rest.
         """
         P = np.asarray(rocker_pivot, dtype=float)
         q = np.asarray(left, dtype=float)
@@ -61,30 +72,35 @@ class DifferentialBar:
         return _close(_pair(arm, w, (2, 0)), _pair(arm, end * mirror - P * mirror, (2, 0)), _rise(arm, w, 1, length2))
 
     def polynomial(self, rocker_pivot: ArrayLike, reach: ArrayLike) -> Array:
-        """Coefficients of right = Σ cₖ leftᵏ that follow `right` to `FIT_ERROR` over the left rocker's reach.
+        """Return coefficients of right = Σ cₖ leftᵏ over the left rocker's reach.
+
+        They agree with `right` to `FIT_ERROR`.
 
         Args:
             rocker_pivot: (3,) of the left rocker, m.
-            reach: (2,) lowest and highest angle of the left rocker, its stops, rad.
+            reach: (2,) joint limits of the left rocker, rad.
+
+        Returns:
+            (n,) lowest power first, c₀ = 0.
 
         Raises:
-            RoverError: the linkage locks within the reach, or is too near it for a polynomial to follow.
+            RoverError: the linkage locks within the reach, or so near it that no polynomial fits.
         """
         low, high = np.asarray(reach, dtype=float)
         if not (np.isfinite([low, high]).all() and low < high):
             raise RoverError(
-                f"a differential bar needs the rocker's stops, as it does not turn all the way; they are ({low:g}, {high:g}) rad"
+                f"a differential bar needs the rocker's joint limits, as it turns only so far; they are ({low:g}, {high:g}) rad"
             )
         check = np.linspace(low, high, CHECK_POINTS)
         exact = self.right(rocker_pivot, check)
         if np.isnan(exact).any():
             locked = float(np.abs(check[np.isnan(exact)]).min())
             raise RoverError(
-                f"the differential bar locks when the left rocker stands at {np.degrees(locked):.1f} deg, within its stops "
+                f"the differential bar locks with the left rocker at {np.degrees(locked):.1f} deg, within its limits "
                 f"({np.degrees(low):.1f}, {np.degrees(high):.1f} deg): narrow rocker_limits, or lengthen the bar or its links"
             )
         nodes = _nodes(low, high)
-        ratio = self.right(rocker_pivot, nodes) / nodes  # so that zero stays zero
+        ratio = self.right(rocker_pivot, nodes) / nodes  # so that right(0) stays 0
         for count in range(1, MOST_COEFFICIENTS):
             slope = Chebyshev.fit(nodes, ratio, count - 1, domain=[low, high]).convert(kind=Polynomial).coef
             coefficients = np.concatenate([[0.0], slope])
@@ -92,23 +108,30 @@ class DifferentialBar:
             if error <= FIT_ERROR:
                 return coefficients
         raise RoverError(
-            f"the differential bar all but locks at the rocker's stops ({np.degrees(low):.1f}, {np.degrees(high):.1f} deg): "
-            f"{MOST_COEFFICIENTS} coefficients follow it to {error:.1g} rad only, not {FIT_ERROR:g}: narrow rocker_limits"
+            f"the differential bar almost locks at the rocker's limits ({np.degrees(low):.1f}, {np.degrees(high):.1f} deg): "
+            f"{MOST_COEFFICIENTS} coefficients fit it to {error:.1g} rad only, not {FIT_ERROR:g}: narrow rocker_limits"
         )
 
 
 def quartic(coefficients: ArrayLike, reach: ArrayLike) -> Array:
-    """The polynomial (5,) of the fourth power that stays nearest to a longer one over the left rocker's reach.
+    """Return the quartic (5,) nearest to a longer polynomial over the left rocker's reach.
 
-    For programs that hold no longer one. A bar like Perseverance's is followed to 6e-5 rad within 25 degrees, 4e-4 within 32.
+    For programs that hold no longer one. For a bar like Perseverance's it errs by 6e-5 rad within 25 degrees, 4e-4 within 32.
+
+    Args:
+        coefficients: (n,) lowest power first.
+        reach: (2,) joint limits of the left rocker, rad.
+
+    Returns:
+        (5,) lowest power first.
 
     Raises:
-        RoverError: the reach has no end, or the quartic errs by more than `QUARTIC_ERROR`.
+        RoverError: the reach is infinite, or the quartic errs by more than `QUARTIC_ERROR`.
     """
     c = np.asarray(coefficients, dtype=float)
     low, high = np.asarray(reach, dtype=float)
     if not np.isfinite([low, high]).all():
-        raise RoverError("a differential of more than the fourth power needs the rocker's stops to be followed by a quartic")
+        raise RoverError("a differential above the fourth power needs the rocker's joint limits to be fitted by a quartic")
     nodes, check = _nodes(low, high), np.linspace(low, high, CHECK_POINTS)
     slope = Chebyshev.fit(nodes, polyval(nodes, c) / nodes, 3, domain=[low, high]).convert(kind=Polynomial).coef
     near = np.concatenate([[0.0], slope])
@@ -120,13 +143,17 @@ def quartic(coefficients: ArrayLike, reach: ArrayLike) -> Array:
 
 
 def _nodes(low: float, high: float) -> Array:
-    """Chebyshev's points of an interval, but for zero."""
+    """Return the Chebyshev points of an interval, without 0."""
     nodes = (low + high) / 2 + (high - low) / 2 * np.cos(np.pi * (np.arange(FIT_POINTS) + 0.5) / FIT_POINTS)
     return np.asarray(nodes[np.abs(nodes) > 1e-9])
 
 
 def check_ratio(slope: float, what: str) -> None:
-    """Refuse a differential that does not turn the right rocker against the left one, or hardly, or hardly anything else.
+    """Check that a differential turns the right rocker against the left one.
+
+    Args:
+        slope: the right rocker's turn over the left one's, at rest.
+        what: the rover or file, for messages.
 
     Raises:
         RoverError: the right rocker's turn to the left one's, at rest, is not between -`LARGEST_RATIO` and -`LEAST_RATIO`.
@@ -139,18 +166,24 @@ def check_ratio(slope: float, what: str) -> None:
 
 
 def _pair(u: Array, w: Array, plane: tuple[int, int]) -> tuple[Array, Array]:
-    """A, B of A cos φ + B sin φ = (the turned u) · w within the plane, φ turning its first axis towards its second."""
+    """Return A, B of A cos φ + B sin φ = (u turned by φ) · w in a plane.
+
+    φ turns the plane's first axis towards its second.
+    """
     i, j = plane
     return u[i] * w[..., i] + u[j] * w[..., j], u[i] * w[..., j] - u[j] * w[..., i]
 
 
 def _rise(u: Array, w: Array, axis: int, length2: float) -> Array:
-    """What A cos φ + B sin φ must be for the turned u to end a link's length from w."""
+    """Return the value of A cos φ + B sin φ at which the linkage closes.
+
+    The end of u, turned by φ, is then a link's length from w.
+    """
     return np.asarray((u @ u + (w * w).sum(axis=-1) - length2) / 2 - u[axis] * w[..., axis])
 
 
 def _close(pair: tuple[Array, Array], rest: tuple[Array, Array], rise: Array) -> Array:
-    """The angle φ (...) on the branch that passes through 0 at rest; nan where there is none."""
+    """Return the angle φ (...) on the branch through 0 at rest; NaN if there is none."""
     A, B = pair
     lead = np.arctan2(rest[1], rest[0])
     if abs(np.sin(lead)) < 1e-6:

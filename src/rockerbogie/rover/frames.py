@@ -1,4 +1,7 @@
-"""Where the wheels' axles stand in the body: the D-H cascade of the paper's eqs 1-4, for any rocker-bogie."""
+"""Frames of the wheels' axles and contacts in the body.
+
+They are the D-H cascade of the paper's eqs 1-5, for any rocker-bogie.
+"""
 
 from __future__ import annotations
 
@@ -12,15 +15,25 @@ from ..errors import RockerbogieError, expect
 from ..rotations import rotation_y, rotation_z
 from .model import LOAD_ROVER, Rover
 
-RUN = 4096  # steered poses checked at once, in memory that is at hand
+#: Steered poses that are checked at once, so that temporaries stay small.
+RUN = 4096
 #: Side of each wheel: 0 left, 1 right.
 WHEEL_SIDE = np.array([0, 1, 0, 1, 0, 1])
-#: True for the four wheels that hang on a bogie.
+#: True for the four wheels on a bogie.
 ON_BOGIE = np.array([False, False, True, True, True, True])
 
 
 def joint_angles(rover: Rover, rocker: ArrayLike, bogie: ArrayLike, steering: ArrayLike | None) -> tuple[Array, Array, Array]:
-    """Rocker (...), bogie (..., 2) and steering (..., 6) broadcast together, rad.
+    """Return joint angles broadcast to one batch shape.
+
+    Args:
+        rover: the rover.
+        rocker: (...) left rocker angle, rad.
+        bogie: (..., 2) bogie angles, rad.
+        steering: (..., 6) rad; None: straight ahead.
+
+    Returns:
+        Rocker (...), bogie (..., 2) and steering (..., 6), rad.
 
     Raises:
         RockerbogieError: a shape that does not fit, or steering on a wheel that does not steer.
@@ -35,19 +48,32 @@ def joint_angles(rover: Rover, rocker: ArrayLike, bogie: ArrayLike, steering: Ar
 
 
 def check_steering(rover: Rover, steering: ArrayLike | None) -> Array:
-    """Steering (..., 6) as an array, rad; none given is straight ahead."""
+    """Return steering angles as an array.
+
+    Args:
+        rover: the rover.
+        steering: (..., 6) rad; None: straight ahead.
+
+    Returns:
+        (..., 6) rad.
+
+    Raises:
+        RockerbogieError: not a rover, another shape, not finite, or an angle of a wheel that does not steer.
+    """
     expect(rover, Rover, "rover", LOAD_ROVER)
     if steering is None:
         return np.zeros(6)
     s = np.asarray(steering, dtype=float)
     if s.shape[-1:] != (6,):
-        raise RockerbogieError(f"steering has shape {s.shape}; its last axis must be 6, one angle a wheel (0 where none steers)")
-    said, fixed = once(s).reshape(-1, 6), ~rover.steers
+        raise RockerbogieError(
+            f"steering has shape {s.shape}; its last axis must be 6, one angle for each wheel (0 if it does not steer)"
+        )
+    angles, fixed = once(s).reshape(-1, 6), ~rover.steers
     weights = fixed.astype(float)
-    for start in range(0, len(said), RUN):
-        part = said[start : start + RUN]
+    for start in range(0, len(angles), RUN):
+        part = angles[start : start + RUN]
         with np.errstate(invalid="ignore"):
-            wrong = (np.abs(part) @ weights).any()  # one product tells both: what is not finite is nan even times 0
+            wrong = (np.abs(part) @ weights).any()  # one product finds both: NaN and inf stay NaN times 0
         if wrong:
             if not np.isfinite(part).all():
                 raise RockerbogieError("steering holds an angle that is not finite")
@@ -57,39 +83,54 @@ def check_steering(rover: Rover, steering: ArrayLike | None) -> Array:
 
 
 def wheel_frames(rover: Rover, rocker: ArrayLike, bogie: ArrayLike, steering: ArrayLike | None = None) -> Array:
-    """T_body_axle (..., 6, 4, 4): each wheel's axle frame in the body (eqs 2-4), x forward, y along the axle to the left.
+    """Return each wheel's axle frame in the body (eqs 2-4).
+
+    Its x axis points forward, its y axis along the axle to the left.
 
     Args:
-        rocker: (...) left rocker angle, nose down positive, rad; the right one follows by the differential.
+        rover: the rover.
+        rocker: (...) left rocker angle, nose down positive, rad; the differential gives the right one.
         bogie: (..., 2) bogie angles to their rockers, left and right, rad.
         steering: (..., 6) about each wheel's own upright axis, left turn positive, rad.
+
+    Returns:
+        (..., 6, 4, 4) T_body_axle.
+
+    Raises:
+        RockerbogieError: a shape that does not fit, or steering on a wheel that does not steer.
     """
     q, b, psi = joint_angles(rover, rocker, bogie, steering)
     arm = np.stack([q, rover.right_rocker(q)], axis=-1)[..., WHEEL_SIDE]  # (..., 6) the rocker's angle at each wheel
-    hang = np.where(ON_BOGIE, b[..., WHEEL_SIDE], 0.0)
+    swing = np.where(ON_BOGIE, b[..., WHEEL_SIDE], 0.0)
     pivot = rover.rocker_pivot[WHEEL_SIDE]
-    knee = np.where(ON_BOGIE[:, None], rover.bogie_pivot[WHEEL_SIDE], pivot)
+    joint = np.where(ON_BOGIE[:, None], rover.bogie_pivot[WHEEL_SIDE], pivot)
     offset = np.concatenate([rover.steering_offset, np.zeros((6, 1))], axis=1)
     turn = rotation_z(psi)
-    foot = rover.hubs + offset - knee - np.einsum("...ij,...j->...i", turn, np.broadcast_to(offset, (*psi.shape, 3)))
-    level = rotation_y(arm + hang)
+    hub = rover.hubs + offset - joint - np.einsum("...ij,...j->...i", turn, np.broadcast_to(offset, (*psi.shape, 3)))
+    turned = rotation_y(arm + swing)
     T = np.zeros((*psi.shape, 4, 4))
-    T[..., :3, :3] = level @ turn
+    T[..., :3, :3] = turned @ turn
     T[..., :3, 3] = (
         pivot
-        + np.einsum("...ij,...j->...i", rotation_y(arm), np.broadcast_to(knee - pivot, (*arm.shape, 3)))
-        + np.einsum("...ij,...j->...i", level, foot)
+        + np.einsum("...ij,...j->...i", rotation_y(arm), np.broadcast_to(joint - pivot, (*arm.shape, 3)))
+        + np.einsum("...ij,...j->...i", turned, hub)
     )
     T[..., 3, 3] = 1.0
     return T
 
 
 def contact_frames(rover: Rover, axle: ArrayLike, contact_angle: ArrayLike) -> Array:
-    """T_axle_contact applied to axle frames (..., 6, 4, 4): turn by δ about the axle, then a radius down (eq. 5).
+    """Return contact frames (eq. 5).
+
+    An axle frame is turned by δ about the axle, then moved a radius down.
 
     Args:
+        rover: the rover.
         axle: (..., 6, 4, 4), from `wheel_frames`, in any base frame.
         contact_angle: (..., 6) δ, rad.
+
+    Returns:
+        (..., 6, 4, 4), in the same base frame.
     """
     delta = np.asarray(contact_angle, dtype=float)
     T = np.zeros((*delta.shape, 4, 4))
@@ -101,7 +142,10 @@ def contact_frames(rover: Rover, axle: ArrayLike, contact_angle: ArrayLike) -> A
 
 @dataclass(frozen=True)
 class DHRow:
-    """A line of Table I: the frame, its parent, θ = theta + joint·(the joint's angle), d, a, α (rad, m)."""
+    """A row of Table I, lengths in m, angles in rad.
+
+    θ is `theta` plus the angle of `joint`, if there is one.
+    """
 
     frame: str
     parent: str
@@ -113,14 +157,27 @@ class DHRow:
 
 
 def dh_table(rover: Rover) -> list[DHRow]:
-    """The rover's Denavit-Hartenberg table in the paper's form (Table I), for any track, side and steering offset.
+    """Return the rover's Denavit-Hartenberg table in the paper's form (Table I).
 
-    `joint` names what is added to theta: `rocker_left`, `bogie_right`, `steering_0` … or nothing. A steering axis
-    that misses its hub sideways needs one more frame (W) to turn the axle's x axis forward again.
+    It exists for any track, side and steering offset.
+
+    `joint` names the angle that is added to theta: `rocker_left`, `bogie_right`, `steering_0` … or "". A steering axis
+    that passes beside its hub needs one more frame (W) to turn the axle's x axis forward again.
+
+    Args:
+        rover: the rover.
+
+    Returns:
+        The rows, parents before children.
+
+    Raises:
+        RockerbogieError: rocker pivots that are not on one axis.
     """
     rows = [DHRow("D", "R", 0.0, "", float(rover.rocker_pivot[0, 2]), float(rover.rocker_pivot[0, 0]), -np.pi / 2)]
     if not np.allclose(rover.rocker_pivot[0, [0, 2]], rover.rocker_pivot[1, [0, 2]], atol=1e-12):
-        raise RockerbogieError(f"rover {rover.name!r}: its rocker pivots share no axis, so no one frame D holds both")
+        raise RockerbogieError(
+            f"rover {rover.name!r}: its rocker pivots are not on one axis, so that no single frame D holds both"
+        )
     tilt = []
     for s, side in enumerate(("left", "right")):
         arm = rover.bogie_pivot[s] - rover.rocker_pivot[s]

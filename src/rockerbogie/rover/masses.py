@@ -1,4 +1,4 @@
-"""Links of a rover: their mass properties, the rule of thumb for masses that are not given, and its use when lengths change."""
+"""Links of a rover, and the rule of thumb for masses that are not given."""
 
 from __future__ import annotations
 
@@ -23,10 +23,15 @@ DERIVED = 1e-9
 
 
 def frozen(value: Any) -> Any:
-    """Return a read-only copy of an array; an array that is read-only and owns its data is returned as it is.
+    """Return a read-only copy of an array.
+
+    An array that is read-only and owns its data is returned as it is.
 
     Args:
         value: an array, or anything else, which is returned as it is.
+
+    Returns:
+        The copy.
     """
     if not isinstance(value, np.ndarray) or (not value.flags.writeable and value.base is None):
         return value
@@ -37,7 +42,9 @@ def frozen(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class Link:
-    """A rigid part: mass (kg), centre of mass (3,) in the body frame at rest (m), inertia (3, 3) about it (kg m²).
+    """A rigid part of a rover, at rest in the body frame.
+
+    Mass (kg), centre of mass (3,) (m) and inertia (3, 3) about it (kg m²).
 
     The arrays are read-only.
     """
@@ -146,6 +153,9 @@ def default_box(hubs: Array, pivots: Array, bogies: Array, radius: Array) -> Arr
         hubs: (6, 3) m.
         pivots, bogies: (2, 3) pivots of rockers and bogies, m.
         radius: (6,) of the wheels, m.
+
+    Returns:
+        (2, 3) lowest and highest corner, m.
     """
     centre = (hubs[:, 0].max() + hubs[:, 0].min()) / 2
     half = 0.3 * np.ptp(hubs[:, 0])
@@ -156,10 +166,15 @@ def default_box(hubs: Array, pivots: Array, bogies: Array, radius: Array) -> Arr
 
 
 def default_mass(hubs: Array) -> float:
-    """Return the mass of a rover whose own is not given, kg: `DEFAULT_DENSITY` times its wheelbase cubed.
+    """Return the mass of a rover whose own is not given, kg.
+
+    It is `DEFAULT_DENSITY` times the wheelbase cubed.
 
     Args:
         hubs: (6, 3) m.
+
+    Returns:
+        kg.
     """
     return float(DEFAULT_DENSITY * np.ptp(hubs[:, 0]) ** 3)
 
@@ -167,7 +182,9 @@ def default_mass(hubs: Array) -> float:
 def share_masses(
     total: float, pivots: Array, bogies: Array, hubs: Array, radius: Array, width: Array, box: Array
 ) -> tuple[Link, list[Link], list[Link], list[Link]]:
-    """Return the links of a rover of which only the total mass is known: a solid box, thin-rod triangles, solid cylinders.
+    """Return the links of a rover of which only the total mass is known.
+
+    The body is a solid box, rockers and bogies are thin-rod triangles, wheels are solid cylinders.
 
     Args:
         total: mass of the whole rover, kg.
@@ -193,7 +210,10 @@ def share_masses(
 
 
 def _points_link(mass: float, *points: Array) -> Link:
-    """Return a link whose mass is shared by its joints; a small isotropic part keeps its inertia from being singular."""
+    """Return a link whose mass is shared by its joints.
+
+    A small isotropic part keeps its inertia from being singular.
+    """
     p = np.array(points)
     r = p - p.mean(axis=0)
     inertia = mass / len(p) * sum(np.eye(3) * (v @ v) - np.outer(v, v) for v in r)

@@ -44,7 +44,9 @@ IDEAL_DIFFERENTIAL = (0.0, -1.0)
 
 @dataclass(frozen=True, eq=False)
 class Rover:
-    """A rocker-bogie rover. Build one with `Rover.from_pivots` or `Rover.from_dh`, or load a preset.
+    """A rocker-bogie rover.
+
+    Build one with `Rover.from_pivots` or `Rover.from_dh`, or load a preset.
 
     Its arrays are read-only copies: change a rover with `replace`.
     """
@@ -209,6 +211,9 @@ class Rover:
             K1, K2, K3, K4, K5, K6, K7, K8, K10, K11: lengths, m; K10 is the wheel radius.
             K9: slope of the rocker's arm at rest, rad.
             more: other arguments of `from_pivots` (name, wheel_width, steers, masses, …).
+
+        Returns:
+            The rover.
 
         Raises:
             RoverError: K9 in degrees, or an impossible rover.

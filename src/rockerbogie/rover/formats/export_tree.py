@@ -20,10 +20,15 @@ DISC = "disc"
 
 
 def right_limits(rover: Rover) -> Array:
-    """Return the limits (2,) of the right rocker that the left one's limits imply, rad; infinite where those are.
+    """Return the right rocker's limits (2,) that the left one's imply, rad.
+
+    They are infinite where the left one's are.
 
     Args:
         rover: the rover.
+
+    Returns:
+        (2,) rad.
     """
     ends = [
         float(polyval(v, rover.differential)) if np.isfinite(v) else float(np.sign(v) * np.sign(rover.differential[1]) * np.inf)
@@ -33,7 +38,9 @@ def right_limits(rover: Rover) -> Array:
 
 
 def tree_of(rover: Rover) -> Tree:
-    """Return the rover as a tree: every link's frame is parallel to the body's at rest, with its origin at its joint.
+    """Return the rover as a tree of links and joints.
+
+    Every link's frame is parallel to the body's at rest, with its origin at its joint.
 
     Args:
         rover: the rover.

@@ -1,4 +1,4 @@
-"""A Gazebo world: the ground as a mesh, a sun, and the rover standing where it was settled."""
+"""Gazebo world: the terrain as a mesh, a sun, and the rover."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ...errors import RoverError
 from ..model import Rover
 from .sdf_write import VERSION, model_element
 
-#: More triangles than this make Gazebo's collision engine crawl: finer ground is thinned to every second, third, ... node.
+#: Gazebo's collision engine is slow with more triangles: a finer terrain is thinned to every second, third, ... node.
 MOST_TRIANGLES = 250_000
 #: Names of the files that `write_world` writes.
 WORLD_FILES = ("world.sdf", "ground.obj")
@@ -30,19 +30,24 @@ def write_world(
     """Write `world.sdf` and `ground.obj` into a folder; load with `gz sim world.sdf` from there.
 
     Args:
-        origin, spacing: x, y of the ground's first node and the steps between nodes, m.
-        z: (rows, cols) the nodes' heights, m; cells with a nan corner are left open.
+        folder: an existing folder.
+        rover: the rover.
+        origin, spacing: x, y of the terrain's first node and the steps between nodes, m.
+        z: (rows, cols) the nodes' heights, m; cells with a NaN corner are left out.
         pose: the rover's body x, y, z (m), roll, pitch, yaw (rad).
 
+    Returns:
+        The files written.
+
     Raises:
-        RoverError: ground with no known cell.
+        RoverError: a terrain without a complete cell.
     """
     step = max(1, int(np.ceil(np.sqrt(2 * z.size / MOST_TRIANGLES))))
     z = z[::step, ::step]
     known = np.isfinite(z)
     cells = np.argwhere(known[:-1, :-1] & known[1:, :-1] & known[:-1, 1:] & known[1:, 1:])
     if not len(cells):
-        raise RoverError("the ground has no cell with four known corners: choose another terrain")
+        raise RoverError("the terrain has no cell with data at its four corners: choose another terrain")
     x, y = (origin[k] + step * spacing[k] * np.arange(z.shape[1 - k], dtype=np.float64) for k in (0, 1))
     ground = folder / "ground.obj"
     ground.write_text(_obj(x, y, z, cells), encoding="ascii")
@@ -75,7 +80,7 @@ def write_world(
 
 
 def _obj(x: Array, y: Array, z: Array, cells: NDArray[np.int64]) -> str:
-    """The ground as Wavefront OBJ, two triangles a cell, seen from above."""
+    """Return the terrain as Wavefront OBJ text, two triangles for each cell, facing up."""
     cols = z.shape[1]
     heights = np.where(np.isfinite(z), z, 0.0)
     lines = [f"v {x[c]:.6f} {y[r]:.6f} {heights[r, c]:.6f}" for r in range(z.shape[0]) for c in range(cols)]

@@ -15,7 +15,9 @@ SHORT = 0.25
 
 
 def body_box(tree: Tree, roles: Roles, links: Sequence[str], rest: dict[str, Array], scale: float, hubs: Array) -> Array | None:
-    """Return the box about the body: of each link the colliding shapes, or the visible ones if none collide.
+    """Return the box about the body's shapes.
+
+    Of each link it takes the colliding shapes, or the visible ones if none collide.
 
     Args:
         tree: the tree.
@@ -65,6 +67,6 @@ def body_box(tree: Tree, roles: Roles, links: Sequence[str], rest: dict[str, Arr
 
 
 def _counted(shapes: Sequence[Shape]) -> list[Shape]:
-    """Return a link's shapes that bound it: those that collide, or else those that are seen; empty primitives left out."""
+    """Return a link's shapes that bound it: those that collide, or else the visible ones."""
     colliding = [shape for shape in shapes if shape.collides]
     return [shape for shape in colliding or shapes if shape.kind == "mesh" or min(shape.size) > 0]

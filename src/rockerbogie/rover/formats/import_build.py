@@ -1,4 +1,4 @@
-"""From the trees of a robot file to a `Rover`, with a report of what was found, guessed, repaired and dropped."""
+"""Import of a rover from the trees of a robot file, with a report."""
 
 from __future__ import annotations
 
@@ -62,12 +62,17 @@ def build_rover(
     joints: dict[str, Sequence[str]] | None = None,
     **override: Any,
 ) -> ImportResult:
-    """Return the rover in the trees of a file: the first, largest first, that holds a rocker-bogie.
+    """Return the rover in the trees of a file.
+
+    It is the first tree, largest first, that holds a rocker-bogie.
 
     Args:
         trees: the trees of the file.
         what: the file's name, for messages.
         scale, forward, up, joints, override: see `import_rover`.
+
+    Returns:
+        The rover and the report.
 
     Raises:
         RoverError: no rocker-bogie in any tree, or one whose numbers are impossible.
@@ -105,7 +110,7 @@ def build_rover(
 def _choose(
     trees: list[Tree], what: str, joints: dict[str, Sequence[str]], forward: str | None, up: str | None
 ) -> tuple[Tree, Roles, list[str]]:
-    """Return the first tree with a rocker-bogie, its roles, and the lines on the trees that are left out."""
+    """Return the first tree with a rocker-bogie, its roles, and the lines on the others."""
     complaint: RoverError | None = None
     rovers: list[tuple[Tree, Roles]] = []
     named = {name for names in joints.values() for name in names}

@@ -1,4 +1,7 @@
-"""Checks of an imported rover: its pose on a plane, its hub heights and wheel sizes, left against right, its mass."""
+"""Checks of an imported rover.
+
+They concern its pose on a plane, hub heights, wheel sizes, left against right, and mass.
+"""
 
 from __future__ import annotations
 
@@ -101,7 +104,7 @@ def _check_sizes(rover: Rover, roles: Roles) -> None:
 
 
 def _check_sides(rover: Rover, roles: Roles) -> None:
-    """Warn of differences between the left side and the right one's mirror image, with their sizes."""
+    """Warn of differences between the left side and the right one's mirror image."""
     mirror = np.array([1.0, -1.0, 1.0])
     least = SIDES * rover.wheelbase
     differences = []

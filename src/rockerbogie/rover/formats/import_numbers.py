@@ -1,4 +1,7 @@
-"""Numbers of a rover, read from a tree whose roles are found: in the rover's frame, in metres."""
+"""Numbers of a rover, read from a tree whose roles are found.
+
+They are in the rover's frame, in metres.
+"""
 
 from __future__ import annotations
 
@@ -44,15 +47,35 @@ class Numbers:
         self.tread = [find_tread(tree, self.T, [k for k, g in roles.groups.items() if g == w.child], w) for w in roles.wheels]
 
     def at(self, point: Array) -> Array:
-        """Return a point (3,) of the file's root frame in the rover's, m."""
+        """Return a point (3,) of the file's root frame in the rover's, m.
+
+        Args:
+            point: (3,) in the file's root frame and unit.
+
+        Returns:
+            (3,) in the rover's frame, m.
+        """
         return self.turn @ point * self.scale
 
     def points(self, hinges: Sequence[Hinge]) -> Array:
-        """Return the points of hinges (n, 3), m."""
+        """Return the points of hinges (n, 3), m.
+
+        Args:
+            hinges: n hinges.
+
+        Returns:
+            (n, 3) in the rover's frame, m.
+        """
         return np.array([self.at(h.point) for h in hinges])
 
     def hubs(self) -> Array:
-        """Return wheel centres (6, 3), m: on the axle, beside the tread's middle where the file has a tread."""
+        """Return wheel centres (6, 3), m.
+
+        They lie on the axle, beside the tread's middle if the file has a tread.
+
+        Returns:
+            (6, 3) in the rover's frame, m.
+        """
         hubs = self.points(self.roles.wheels)
         for i, tread in enumerate(self.tread):
             if tread is not None:
@@ -61,6 +84,12 @@ class Numbers:
 
     def rocker_pivot(self, given: Any) -> Array:
         """Return the rockers' pivots (2, 3), m; zeros if they are given by the caller.
+
+        Args:
+            given: the caller's pivots, or None.
+
+        Returns:
+            (2, 3) m.
 
         Raises:
             RoverError: no joint marks them and none are given.
@@ -88,6 +117,9 @@ class Numbers:
         Args:
             hubs: (6, 3), m.
 
+        Returns:
+            (6, 2) m.
+
         Raises:
             RoverError: a steering axis that is not upright.
         """
@@ -112,6 +144,9 @@ class Numbers:
         Args:
             hubs: (6, 3), m.
             override: the caller's numbers; what they give is not guessed.
+
+        Returns:
+            Radius (6,) and width (6,), m.
         """
         radius, width = np.zeros(6), np.zeros(6)
         report = self.roles.guessed
@@ -156,7 +191,13 @@ class Numbers:
             )
 
     def differential(self) -> Array:
-        """Return the differential's polynomial: of the joints' `mimic` or equality, or the ideal one if nothing ties them."""
+        """Return the differential's polynomial.
+
+        It is that of the joints' `mimic` or equality, or the ideal one if nothing ties them.
+
+        Returns:
+            (n,) coefficients, lowest power first.
+        """
         rockers = self.roles.rockers
         if rockers[0] is None or rockers[1] is None:
             return np.array(IDEAL_DIFFERENTIAL)
@@ -187,11 +228,27 @@ class Numbers:
         return np.array(IDEAL_DIFFERENTIAL)
 
     def sign(self, hinge: Hinge) -> float:
-        """Return 1 if the hinge's positive sense is the rover's (nose down), else -1."""
+        """Return 1 if the hinge's positive sense is the rover's (nose down), else -1.
+
+        Args:
+            hinge: a hinge along the axles.
+
+        Returns:
+            1 or -1.
+        """
         return 1.0 if hinge.axis @ self.roles.axes[:, 1] > 0 else -1.0
 
     def own_limits(self, hinge: Hinge) -> tuple[float, float] | None:
-        """Return a hinge's limits from its rest, nose down positive, rad; infinite beyond a half turn; None if it has none."""
+        """Return a hinge's limits from its rest, nose down positive, rad.
+
+        They are infinite beyond a half turn.
+
+        Args:
+            hinge: a hinge along the axles.
+
+        Returns:
+            (low, high), or None if it has no limits.
+        """
         if hinge.joint.limits is None:
             return None
         a, b = sorted((v - self.angles[hinge.joint.name]) * self.sign(hinge) for v in hinge.joint.limits)
@@ -204,7 +261,15 @@ class Numbers:
         return (a if a > -np.pi else -np.inf), (b if b < np.pi else np.inf)
 
     def limits(self, hinges: Sequence[Hinge | None], label: str) -> Array:
-        """Return the narrowest limits (2,) of some hinges, nose down positive, rad."""
+        """Return the narrowest limits (2,) of some hinges, nose down positive, rad.
+
+        Args:
+            hinges: the hinges; None is skipped.
+            label: their name in the report.
+
+        Returns:
+            (2,) rad.
+        """
         limits = [self.own_limits(hinge) for hinge in hinges if hinge is not None]
         known = [pair for pair in limits if pair is not None]
         low, high = max((a for a, _ in known), default=-np.inf), min((b for _, b in known), default=np.inf)
@@ -220,7 +285,16 @@ class Numbers:
         return np.array([low, high])
 
     def rocker_limits(self, differential: Array) -> Array:
-        """Return limits (2,) of the left rocker, rad: its own, and the right one's through the differential's slope at rest."""
+        """Return limits (2,) of the left rocker, rad.
+
+        They are its own, and the right one's through the differential's slope at rest.
+
+        Args:
+            differential: coefficients of the right rocker's angle in the left one's.
+
+        Returns:
+            (2,) rad.
+        """
         rockers = self.roles.rockers
         own = self.limits([rockers[0], self.roles.arms[0]], "left rocker")
         other = self.limits([rockers[1], self.roles.arms[1]], "right rocker")
@@ -235,18 +309,32 @@ class Numbers:
         return both
 
     def body_box(self, hubs: Array) -> Array | None:
-        """Return the box (2, 3) about the body's own shapes, m; None if it has none of a known size."""
+        """Return the box (2, 3) about the body's own shapes, m; None if it has none of a known size.
+
+        Args:
+            hubs: (6, 3) m.
+
+        Returns:
+            (2, 3) lowest and highest corner, or None.
+        """
         links = [k for k, part in self.part_of.items() if part == "body" and self.roles.groups[k] not in self.frozen]
         return body_box(self.tree, self.roles, links, self.T, self.scale, hubs)
 
     def wheel_names(self) -> list[str] | None:
-        """Return names from links called wheel_NAME, as the package writes them; None if there are none."""
+        """Return the wheels' names from links called wheel_NAME, or None.
+
+        Returns:
+            Six names, or None.
+        """
         names = [w.child.removeprefix("wheel_") for w in self.roles.wheels]
         short = all(w.child.startswith("wheel_") and n and len(n) <= 12 for w, n in zip(self.roles.wheels, names, strict=True))
         return names if short and len(set(names)) == 6 else None
 
     def _assign(self) -> dict[str, str]:
-        """Return the part of the rover each link belongs to; a link without a role goes with what carries it."""
+        """Return the part of the rover that each link belongs to.
+
+        A link without a role goes with what carries it.
+        """
         roles, owner = self.roles, {}
         for s, side in enumerate(("left", "right")):
             for hinge in (roles.rockers[s], roles.arms[s]):
@@ -275,7 +363,10 @@ class Numbers:
         return part_of
 
     def _rides_with(self, knuckle: str, wheel: str) -> bool:
-        """Return True for a knuckle whose mass is centred on its wheel's, as the package writes them: one part again."""
+        """Return True for a knuckle whose mass is centred on its wheel's.
+
+        The package writes them so: they are one part again.
+        """
         own, other = self._sum([knuckle]), self._sum([wheel])
         return own.mass > 0 and other.mass > 0 and bool(np.abs(own.com - other.com).max() < 1e-9)
 
@@ -308,11 +399,16 @@ class Numbers:
         return {name: self._gather([link for link, part in self.part_of.items() if part == name]) for name in names}
 
     def links(self, shape: dict[str, Any], mass: float | None) -> dict[str, Any]:
-        """Return the rover's links as arguments of `Rover.from_pivots`; its mass alone if the file has no masses.
+        """Return the rover's links as arguments of `Rover.from_pivots`.
+
+        If the file has no masses, it is the rover's mass alone.
 
         Args:
             shape: the other arguments.
             mass: the caller's total, kg, or None.
+
+        Returns:
+            Arguments by name.
         """
         report, parts = self.roles.repaired, list(self.masses.values())
         total = sum(p.mass for p in parts)
@@ -353,7 +449,11 @@ class Numbers:
         return {"body": parts[0], "rockers": parts[1:3], "bogies": parts[3:5], "wheels": parts[5:]}
 
     def dropped(self) -> list[str]:
-        """Return the report's lines on properties of the file that a rover does not have."""
+        """Return the report's lines on properties of the file that a rover does not have.
+
+        Returns:
+            Lines of text.
+        """
         lines = [f"{kind}: {_names(names)}" for kind, names in self.tree.dropped.items()]
         roles = self.roles
         limited = [h.joint.name for h in (*roles.steers, *roles.wheels) if h is not None and self._bounded(h)]

@@ -1,4 +1,7 @@
-"""What a person may say over an imported file, as words: `rockers=a,b` and, as in a rover's own TOML, `wheels.radius_m=0.075`."""
+"""Overrides of an import, given as words.
+
+Roles as `rockers=a,b`; numbers by the keys of a rover file, as `wheels.radius_m=0.075`.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,17 @@ from .toml_read import arguments, read_values
 
 
 def parse_joints(words: Sequence[str]) -> dict[str, Sequence[str]]:
-    """`["wheels=a,b", "rockers=c,d"]` as names of joints by role."""
+    """Return names of joints by role.
+
+    Args:
+        words: such as ["wheels=a,b", "rockers=c,d"].
+
+    Returns:
+        Names of joints by role.
+
+    Raises:
+        RoverError: a word without "=".
+    """
     roles: dict[str, Sequence[str]] = {}
     for word in words:
         role, equals, names = word.partition("=")
@@ -21,10 +34,20 @@ def parse_joints(words: Sequence[str]) -> dict[str, Sequence[str]]:
 
 
 def parse_numbers(words: Sequence[str]) -> dict[str, Any]:
-    """`["wheels.radius_m=0.075", "stops.bogie_deg=[-30, 30]"]` as arguments of `Rover.from_pivots`."""
-    values = read_values("\n".join(words), "overruling")
+    """Return arguments of `Rover.from_pivots`.
+
+    Args:
+        words: such as ["wheels.radius_m=0.075", "stops.bogie_deg=[-30, 30]"].
+
+    Returns:
+        Arguments by name, in metres and radians.
+
+    Raises:
+        RoverError: an unknown key, or a value of the wrong kind.
+    """
+    values = read_values("\n".join(words), "overrides")
     if wrong := [path for path in values if path.startswith("dh.")]:
         raise RoverError(
-            f"{wrong[0]} cannot be overruled alone: give linkage.rocker_pivot_m, linkage.bogie_pivot_m or linkage.hubs_m"
+            f"{wrong[0]} cannot be overridden alone: give linkage.rocker_pivot_m, linkage.bogie_pivot_m or linkage.hubs_m"
         )
-    return arguments(values, "overruling")
+    return arguments(values, "overrides")

@@ -1,4 +1,4 @@
-"""Roles of links and joints in a rocker-bogie, and the rover's directions in the file's frame."""
+"""Roles of links and joints in a rocker-bogie, and the rover's directions."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ROLES = ("wheels", "bogies", "rockers", "steering")
 
 @dataclass(frozen=True)
 class Hinge:
-    """A hinge at rest in the root's frame: its point (3,) and unit axis (3,), and the rigid groups it joins."""
+    """Hinge at rest in the root's frame: its point (3,), unit axis (3,), and groups."""
 
     joint: Joint
     parent: str
@@ -70,7 +70,9 @@ def rover_axes(
     forward: str | None,
     up: str | None,
 ) -> Array:
-    """Return the rover's directions: up from the wheels to the pivots, forward along x if that is lengthwise.
+    """Return the rover's directions.
+
+    Up points from the wheels to the pivots; forward along x if that is lengthwise.
 
     Args:
         roles: gets the lines of the report.
@@ -128,19 +130,33 @@ def rover_axes(
 
 
 def mean_direction(axes: Sequence[Array]) -> Array:
-    """Return the unit mean (3,) of directions whose senses do not count."""
+    """Return the unit mean (3,) of directions whose senses do not count.
+
+    Args:
+        axes: unit vectors (3,).
+
+    Returns:
+        (3,) with the sense of the first.
+    """
     total = sum((a if a @ axes[0] > 0 else -a for a in axes), np.zeros(3))
     return np.asarray(total / np.linalg.norm(total))
 
 
 def snap(direction: Array) -> Array | None:
-    """Return the axis (3,) of the file's frame within `SNAP` of a direction, or None."""
+    """Return the axis (3,) of the file's frame within `SNAP` of a direction, or None.
+
+    Args:
+        direction: (3,) unit vector.
+
+    Returns:
+        (3,) unit vector, or None.
+    """
     k = int(np.abs(direction).argmax())
     return np.eye(3)[k] if abs(direction[k]) > np.cos(SNAP) else None
 
 
 def _vote(wheels: list[Hinge], lengthwise: Array) -> float:
-    """Return the sum of signs by which names of wheels and knuckles put the front along `lengthwise`; 0 if none do."""
+    """Return the sum of signs by which wheels' names put the front along `lengthwise`."""
     middle = np.mean([w.point for w in wheels], axis=0)
     total = 0.0
     for w in wheels:
@@ -153,6 +169,13 @@ def _vote(wheels: list[Hinge], lengthwise: Array) -> float:
 def named_axis(label: str, text: str) -> Array:
     """Return the axis (3,) that "x", "-y", ... names.
 
+    Args:
+        label: the argument's name, for messages.
+        text: x, -x, y, -y, z or -z.
+
+    Returns:
+        (3,) unit vector.
+
     Raises:
         RoverError: another text.
     """
@@ -163,7 +186,14 @@ def named_axis(label: str, text: str) -> Array:
 
 
 def axis_name(direction: Array) -> str:
-    """Return a direction (3,) as text: "x", "-y", ... or its three numbers."""
+    """Return a direction (3,) as text: "x", "-y", ... or its three numbers.
+
+    Args:
+        direction: (3,) unit vector.
+
+    Returns:
+        Text for messages.
+    """
     k = int(np.abs(direction).argmax())
     if abs(direction[k]) < 1 - 1e-9:
         return "(" + ", ".join(f"{v:.3g}" for v in direction) + ")"

@@ -1,4 +1,7 @@
-"""Search for the rocker-bogie in a tree of links and joints: by what carries what and the directions of hinges, not by names."""
+"""Search for the rocker-bogie in a tree of links and joints.
+
+It uses which link carries which and the directions of hinges, not names.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,9 @@ MOST_LEAVES = 40
 
 
 def find_roles(tree: Tree, what: str, joints: dict[str, Sequence[str]], forward: str | None, up: str | None) -> Roles:
-    """Return the roles of a tree's hinges. Every link is tried as the root, the file's own root first.
+    """Return the roles of a tree's hinges.
+
+    Every link is tried as the root, the file's own root first.
 
     Args:
         tree: a connected tree.
@@ -34,6 +39,9 @@ def find_roles(tree: Tree, what: str, joints: dict[str, Sequence[str]], forward:
         joints: overrides the search: names of the joints that are "wheels" (6), "bogies" (2), "rockers" (2), or all that
             may be "steering". Fixed joints that are named are taken as hinges.
         forward, up: override the rover's directions, as an axis of the root's frame: "x", "-y", ...
+
+    Returns:
+        The roles, with the first lines of the report.
 
     Raises:
         RoverError: no rocker-bogie in it; the sentence tells how far the search came.
@@ -119,7 +127,7 @@ class _Search:
         return np.array([0.0, 1.0, 0.0]) if shape is None else shape.T[:3, 2]
 
     def branching(self) -> list[str]:
-        """Return a link of each rigid group that two or more hinges join to others, except the root's."""
+        """Return a link of each rigid group with two or more hinges, except the root's."""
         count = dict.fromkeys(self.groups.values(), 0)
         for group, hinge in self.inbound.items():
             count[group] += 1
@@ -167,7 +175,7 @@ class _Search:
         raise RoverError(complaint)
 
     def _fixed_wheels(self) -> list[str]:
-        """Return the names of fixed joints that carry a round shape and nothing more, if there are six or more."""
+        """Return the names of fixed joints that carry only a round shape, if there are six or more."""
         parents = {j.parent for j in self.tree.joints.values()}
         ends = [j for j in self.tree.inbound.values() if not _turns(j) and j.child not in parents]
         kinds = ("cylinder", "sphere", "mesh")
@@ -189,7 +197,7 @@ class _Search:
             raise RoverError(f"{self.what}: all its wheels are at one point")
 
         def apart(a: Hinge, b: Hinge) -> float:
-            """Return the distance in the side view between b and a's mirror image, over the rover's length."""
+            """Return the distance in the side view of b from a's mirror image, over the length."""
             across = a.point - b.point
             return float(np.linalg.norm(across - (across @ lateral) * lateral)) / span
 
@@ -234,7 +242,10 @@ class _Search:
         return roles
 
     def _bogies(self, by_arm: dict[str, list[Hinge]], lateral: Array) -> list[Hinge]:
-        """Return the hinges that may be bogies': along the axles, with two or more possible wheels on their arm."""
+        """Return the hinges that may be bogies'.
+
+        They are parallel to the axles, with two or more possible wheels on their arm.
+        """
         most = 4 if sum(len(on) for on in by_arm.values()) <= 16 else 2
         bogies = [
             self.inbound[g]
@@ -249,13 +260,19 @@ class _Search:
         return np.nan if tread is None else tread.radius
 
     def _lay_freed(self, lateral: Array) -> None:
-        """Turn fixed joints that are taken as hinges into the axles' direction, unless their own axis is close to it."""
+        """Turn fixed joints that are taken as hinges into the axles' direction.
+
+        A joint whose own axis is close to it keeps that axis.
+        """
         for group, hinge in self.inbound.items():
             if hinge.joint.name in self.freed and abs(hinge.axis @ lateral) <= PARALLEL:
                 self.inbound[group] = replace(hinge, axis=lateral)
 
     def _arm(self, wheel: Hinge, cluster: list[Hinge], lateral: Array) -> tuple[str, Hinge | None]:
-        """Return the rigid group that carries the wheel, past its steering knuckle if it has one; and the steering hinge."""
+        """Return the rigid group that carries the wheel, and the steering hinge.
+
+        The group is that beyond the steering knuckle, if there is one.
+        """
         knuckle = self.inbound.get(wheel.parent)
         if knuckle is None or abs(knuckle.axis @ lateral) > ACROSS or sum(h.parent == wheel.parent for h in cluster) > 1:
             return wheel.parent, None
@@ -264,7 +281,9 @@ class _Search:
         return knuckle.parent, knuckle
 
     def _rocker_kind(self, b1: Hinge, b2: Hinge, a1: str, a2: str, lateral: Array) -> int | None:
-        """Return 0: two rockers; 1: two rockers of two arms each; 2: rigid with the body; None: no rockers.
+        """Return the kind of rockers.
+
+        0: two rockers; 1: two rockers of two arms each; 2: rigid with the body; None: no rockers.
 
         Args:
             b1, b2: the bogies' hinges.
@@ -322,7 +341,7 @@ class _Search:
         return roles
 
     def fixed_pivots(self, roles: Roles) -> list[str] | None:
-        """Return, for rockers rigid with the body, the fixed joint on each side that looks most like the pivot; or None."""
+        """Return the fixed joints that look most like the pivots of rigid rockers, or None."""
         chains = []
         for s in (0, 1):
             ends = [roles.bogies[s].joint.parent, (roles.steers[s] or roles.wheels[s]).joint.parent]
@@ -354,7 +373,10 @@ def _pairs(first: list[Hinge], second: list[Hinge]) -> list[tuple[list[Hinge], l
 
 
 def _off_line(wheels: list[Hinge], lateral: Array, span: float) -> float:
-    """Return the largest distance of hubs from their common line in the side view, over the rover's length."""
+    """Return the largest distance of hubs from their common line in the side view.
+
+    It is divided by the rover's length.
+    """
     points = np.array([w.point for w in wheels])
     flat = points - points.mean(axis=0)
     flat = flat - np.outer(flat @ lateral, lateral)

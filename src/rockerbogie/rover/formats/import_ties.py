@@ -1,4 +1,7 @@
-"""Relations between joint angles (`mimic`, joint equalities) as polynomials counted from rest."""
+"""Relations between joint angles as polynomials counted from rest.
+
+They come from `mimic` and from joint equalities.
+"""
 
 from __future__ import annotations
 
@@ -22,6 +25,9 @@ def compose(p: Array, q: Array, what: str) -> Array:
         p, q: coefficients, lowest power first.
         what: the file's name, for messages.
 
+    Returns:
+        Coefficients c, lowest power first.
+
     Raises:
         RoverError: p cannot be inverted, or by no polynomial.
     """
@@ -42,13 +48,18 @@ def compose(p: Array, q: Array, what: str) -> Array:
 
 
 def tie(tree: Tree, name: str, rest: dict[str, float], what: str) -> tuple[str, Array]:
-    """Return the joint that this one mimics in the end, and the polynomial from its rest; itself if it mimics none.
+    """Return the joint that this one mimics in the end, and the polynomial from its rest.
+
+    A joint that mimics none is returned itself.
 
     Args:
         tree: the tree.
         name: a joint of it.
         rest: each joint's angle at rest, rad.
         what: the file's name, for messages.
+
+    Returns:
+        The leader's name, and coefficients without constant term.
 
     Raises:
         RoverError: it mimics itself or a joint that is not there.

@@ -20,7 +20,9 @@ LARGER = 1.2
 
 @dataclass(frozen=True)
 class Tread:
-    """A wheel's tread: radius and width (m in the file's unit), centre (3,) in the root's frame, and its origin.
+    """Tread of a wheel.
+
+    `radius` and `width` are in the file's unit, `centre` (3,) in the root's frame.
 
     `shape` is "cylinder", "mesh", ...; `across` marks a cylinder that lies across the axle; `other` is the radius of the
     colliding shape that was passed over for a larger visible one, 0 if there is none.
@@ -36,7 +38,9 @@ class Tread:
 
 
 def find_tread(tree: Tree, rest: dict[str, Array], links: Iterable[str], wheel: Hinge) -> Tread | None:
-    """Return the tread of a wheel: the largest round shape that collides, or a clearly larger one that is only seen.
+    """Return the tread of a wheel.
+
+    It is the largest round shape that collides, or a clearly larger one that is only seen.
 
     Args:
         tree: the tree.
@@ -72,7 +76,10 @@ def _tread(shape: Shape, T: Array, wheel: Hinge) -> Tread | None:
 
 
 def _mesh_tread(shape: Shape, pose: Array, wheel: Hinge) -> Tread | None:
-    """Return a mesh as a tread: its largest distance from the axle, its extent along it; None if it is not round."""
+    """Return a mesh as a tread, None if it is not round.
+
+    The radius is the largest distance from the axle, the width the extent along it.
+    """
     if shape.mesh is None:
         return None
     points = shape.mesh.points @ pose[:3, :3].T + pose[:3, 3] - wheel.point

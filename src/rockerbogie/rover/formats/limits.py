@@ -1,4 +1,4 @@
-"""Sizes no rover has: files in the wrong unit are caught by them."""
+"""Checks of a rover's sizes: files in a wrong unit fail them."""
 
 from __future__ import annotations
 
@@ -9,12 +9,20 @@ from ..model import Rover
 
 #: A rover's wheelbase lies between these, m.
 SMALLEST, LARGEST = 0.02, 20.0
-#: No part of a rover is further than this many wheelbases from its wheels.
+#: A rover's parts are within this many wheelbases of its wheels.
 FURTHEST = 10.0
 
 
 def check_wheelbase(length: float, what: str) -> None:
-    """Refuse a wheelbase (m) that says the file is in another unit."""
+    """Check that a wheelbase has a rover's size.
+
+    Args:
+        length: m.
+        what: the file's name, for messages.
+
+    Raises:
+        RoverError: it has not; the file may be in another unit.
+    """
     if not SMALLEST <= length <= LARGEST:
         hint = "is the file in millimetres?" if length > LARGEST else "is the file in another unit?"
         raise RoverError(
@@ -23,7 +31,17 @@ def check_wheelbase(length: float, what: str) -> None:
 
 
 def check_size(rover: Rover, what: str) -> None:
-    """Refuse a rover whose parts are out of all proportion: some of its numbers are in another unit, or misplaced."""
+    """Check a rover's proportions.
+
+    Numbers in another unit and misplaced ones are out of proportion.
+
+    Args:
+        rover: the rover.
+        what: the file's name, for messages.
+
+    Raises:
+        RoverError: the first part that is out of proportion.
+    """
     check_wheelbase(rover.wheelbase, what)
     reach = FURTHEST * rover.wheelbase
     middle = rover.hubs.mean(axis=0)

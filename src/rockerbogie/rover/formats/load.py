@@ -30,7 +30,13 @@ USD = (".usd", ".usda", ".usdc", ".usdz")
 
 
 def presets() -> dict[str, Path]:
-    """Return the rovers of the package: name to the folder that holds `rover.toml` and `README.md`."""
+    """Return the folders of the package's rovers by name.
+
+    Each holds `rover.toml` and `README.md`.
+
+    Returns:
+        Folders by name.
+    """
     root = Path(str(files("rockerbogie.rover").joinpath("presets")))
     return {folder.name: folder for folder in sorted(root.iterdir()) if (folder / "rover.toml").is_file()}
 
@@ -40,6 +46,9 @@ def read_details(name_or_path: str | Path) -> dict[str, str]:
 
     Args:
         name_or_path: a preset's name or a file.
+
+    Returns:
+        Texts by key.
     """
     path = presets().get(str(name_or_path), Path(name_or_path))
     path = path / "rover.toml" if path.is_dir() else path
@@ -50,13 +59,18 @@ def read_details(name_or_path: str | Path) -> dict[str, str]:
 
 
 def load_rover(name_or_path: str | Path) -> Rover:
-    """Return a rover by the name of a preset, or from a file: `.toml`, `.urdf`, `.sdf` or `.xml` (MJCF).
+    """Return a rover by the name of a preset, or from a file.
+
+    Files are `.toml`, `.urdf`, `.sdf` or `.xml` (MJCF).
 
     If anything in a robot file was guessed or repaired, or looks wrong, a warning lists it, with what was dropped;
     `import_rover` returns the whole report and takes corrections.
 
     Args:
         name_or_path: a preset's name or a file.
+
+    Returns:
+        The rover.
 
     Raises:
         RoverError: no such preset or file, or a file that does not describe a possible rover.
@@ -90,7 +104,9 @@ def import_rover(
     joints: dict[str, Sequence[str]] | None = None,
     **override: Any,
 ) -> ImportResult:
-    """Return a rover from a robot file, found by structure (which hinge carries what) and not by names.
+    """Return a rover from a robot file, with a report.
+
+    It is found by structure (which hinge carries what), not by names.
 
     The rover's frame has its origin at the origin of the body's link. Meshes are read from files beside the robot file.
 
@@ -115,12 +131,17 @@ def import_rover(
 
 
 def read_trees(data: bytes | str, what: str, meshes: MeshFolder | None = None) -> list[Tree]:
-    """Return the connected trees of a robot file's text, the largest first; the format by its root element.
+    """Return the connected trees of a robot file's text, the largest first.
+
+    The root element tells the format.
 
     Args:
         data: the text.
         what: the file's name, for messages.
         meshes: reader of the mesh files it refers to; None: mesh files are not read.
+
+    Returns:
+        The trees.
 
     Raises:
         RoverError: refused XML, another format, or a faulty description.

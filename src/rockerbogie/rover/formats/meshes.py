@@ -1,4 +1,7 @@
-"""Mesh files that a robot file refers to: found beside it, read by trimesh, reduced to their vertices and mass properties."""
+"""Mesh files that a robot file refers to.
+
+They are found beside it, read by trimesh, and reduced to vertices and mass properties.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,10 @@ INSTALL = "install rockerbogie[robots] (trimesh) to read meshes"
 
 @dataclass(frozen=True)
 class Mesh:
-    """Vertices (n, 3), m; volume (m³), its centre (3,) and inertia (3, 3) at density 1 about that centre."""
+    """Mesh, as far as it is needed: vertices and mass properties at density 1.
+
+    `points` (n, 3), m; `volume`, m³; its `centre` (3,), m; `inertia` (3, 3) about the centre.
+    """
 
     points: Array
     volume: float = 0.0
@@ -35,6 +41,9 @@ class Mesh:
 
         Args:
             scale: (3,) factors.
+
+        Returns:
+            A new mesh.
         """
         second = np.eye(3) * np.trace(self.inertia) / 2 - self.inertia  # ∫ x xᵀ
         factor = abs(float(np.prod(scale)))
@@ -45,7 +54,10 @@ class Mesh:
 
 @dataclass
 class MeshFolder:
-    """The mesh files of one robot file. `failed` maps the address of each mesh that was not read to the reason."""
+    """Mesh files of one robot file.
+
+    `failed` maps the address of each mesh that was not read to the reason.
+    """
 
     folder: Path | None
     failed: dict[str, str] = field(default_factory=dict)
@@ -56,6 +68,9 @@ class MeshFolder:
 
         Args:
             address: a path relative to the robot file, or `package://`, `model://` or `file://`.
+
+        Returns:
+            The mesh, or None.
         """
         if address not in self._read:
             path = self.find(address)
@@ -70,6 +85,12 @@ class MeshFolder:
         """Return the path of the file at an address, or None if there is none.
 
         `package://NAME/rest` and `model://NAME/rest` are searched in the folders above the robot file.
+
+        Args:
+            address: as for `load`.
+
+        Returns:
+            The path, or None.
         """
         if self.folder is None or not address or "\0" in address:
             return None
@@ -120,6 +141,9 @@ class MeshFolder:
 
 
 def _unit(text: object) -> float:
-    """Return metres in a mesh's unit of length, from the words of trimesh's DAE reader; 1 if it states none."""
+    """Return metres in a mesh's unit of length; 1 if it states none.
+
+    The unit is stated by trimesh's DAE reader in words.
+    """
     match = re.fullmatch(r"([-+.\deE]+) \* meters", str(text))
     return float(match[1]) if match else 1.0

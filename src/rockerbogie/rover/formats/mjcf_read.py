@@ -1,4 +1,7 @@
-"""MJCF reader, through MuJoCo's own compiler: defaults, classes, units of angle and masses of shapes are MuJoCo's."""
+"""MJCF reader, through MuJoCo's own compiler.
+
+Defaults, classes, units of angle and masses of shapes are therefore MuJoCo's.
+"""
 
 from __future__ import annotations
 
@@ -43,6 +46,9 @@ def read_mjcf(data: bytes | str, what: str = "model.xml", meshes: MeshFolder | N
         what: the file's name, for messages.
         meshes: reader of the mesh files it refers to; None: only meshes written in the file are read.
 
+    Returns:
+        The trees.
+
     Raises:
         RoverError: refused XML, or a model that MuJoCo refuses.
     """
@@ -70,7 +76,10 @@ def read_mjcf(data: bytes | str, what: str = "model.xml", meshes: MeshFolder | N
 
 
 def _holds_nan(text: str) -> bool:
-    """Return True if a text consists of numbers of which one is NaN; MuJoCo writes a log file for each."""
+    """Return True if a text consists of numbers of which one is NaN.
+
+    MuJoCo would write a log file for each.
+    """
     words = text.lower().split()
     if not any("nan" in word for word in words):
         return False
@@ -81,7 +90,7 @@ def _holds_nan(text: str) -> bool:
 
 
 def _prepare(root: Element, tree: Tree, meshes: MeshFolder) -> dict[str, bytes]:
-    """Take out of an MJCF everything that would read files, and replace meshes that cannot be read by points.
+    """Remove everything that would read files from an MJCF; find its mesh files.
 
     Args:
         root: the <mujoco> element; changed.
@@ -129,7 +138,7 @@ def _prepare(root: Element, tree: Tree, meshes: MeshFolder) -> dict[str, bytes]:
 
 
 def _replace_unread(root: Element, tree: Tree, kept: set[str | None]) -> None:
-    """Replace geoms whose mesh is not there by a small sphere with their mass, without which their body would be lost."""
+    """Replace geoms whose mesh is missing by small spheres that keep their mass."""
     count = 0
     for body in (element for element in root.iter() if element.tag in ("worldbody", "body", "frame")):
         for geom in body.findall("geom"):
@@ -154,7 +163,10 @@ def _replace_unread(root: Element, tree: Tree, kept: set[str | None]) -> None:
 
 
 def _wrap_world(root: Element, tree: Tree) -> None:
-    """Put the world's own shapes, and the bodies that turn on them, into a body, if there are two such bodies or more."""
+    """Put the world's own shapes, and the bodies that turn on the world, into a body.
+
+    This happens only if there are two such bodies or more.
+    """
     world = root.find("worldbody")
     if world is None:
         return
@@ -278,7 +290,10 @@ class _Model:
         return Shape(kind, size, T, f"geom {g}", collides, mesh)
 
     def _equality(self, e: int) -> None:
-        """Make the follower of an active joint equality mimic its leader; record the other equalities as dropped."""
+        """Make the follower of an active joint equality mimic its leader.
+
+        Other equalities are recorded as dropped.
+        """
         model, tree, tie = self.model, self.tree, self.mujoco.mjtEq
         label = self.mujoco.mj_id2name(model, self.mujoco.mjtObj.mjOBJ_EQUALITY, e) or f"equality {e}"
         if not model.eq_active0[e]:

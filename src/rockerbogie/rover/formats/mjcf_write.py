@@ -9,12 +9,17 @@ import numpy as np
 
 
 def exact_text(spec: Any) -> str:
-    """Return a `mujoco.MjSpec` as MJCF text whose bodies, joints, shapes and equalities read back to the same bits.
+    """Return a `mujoco.MjSpec` as MJCF text with exact numbers.
+
+    Bodies, joints, shapes and equalities read back to the same bits.
 
     MuJoCo's own writer does the rest; it rounds to six digits, 1e-6 of a rover's length.
 
     Args:
         spec: a spec that compiles.
+
+    Returns:
+        MJCF text.
     """
     model = spec.compile()
     root = fromstring(spec.to_xml())

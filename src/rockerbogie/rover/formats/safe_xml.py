@@ -1,4 +1,7 @@
-"""XML from strangers: no entities, no document types, no depth or size that could hang the reader."""
+"""Parser for XML from unknown sources.
+
+It accepts no entities and no document types, and limits depth and size.
+"""
 
 from __future__ import annotations
 
@@ -11,18 +14,21 @@ from ...errors import RoverError
 MAX_BYTES = 20_000_000
 MAX_DEPTH = 200
 MAX_ELEMENTS = 200_000
-#: Most numbers a rover's file has in one place (a differential's coefficients); a longer list is not read.
+#: Most numbers in one attribute or element (a differential's coefficients); a longer list is not read.
 MAX_NUMBERS = 24
-#: No length, mass, moment or angle of a rover is larger.
+#: Largest length, mass, moment or angle that is read (SI).
 LARGEST = 1e9
 
 
 def parse_xml(data: bytes | str, what: str) -> Element:
-    """The root element of an XML text.
+    """Return the root element of an XML text.
 
     Args:
-        data: the text; as bytes, its own encoding declaration holds.
+        data: the text; the encoding of bytes is the declared one.
         what: the file's name, for messages.
+
+    Returns:
+        The root element.
 
     Raises:
         RoverError: not well-formed, too large or too deep, or with a document type (where entities are declared).
@@ -49,7 +55,7 @@ def parse_xml(data: bytes | str, what: str) -> Element:
 
     def refuse(*_: object) -> None:
         raise RoverError(
-            f"{what}: it declares a document type or entities, which a robot file has no use for: remove the <!DOCTYPE ...>"
+            f"{what}: it declares a document type or entities, which a robot file does not need: remove the <!DOCTYPE ...>"
         )
 
     parser = expat.ParserCreate("utf-8" if isinstance(data, str) else None)
@@ -67,7 +73,17 @@ def parse_xml(data: bytes | str, what: str) -> Element:
 def numbers(
     text: str | None, count: int, where: str, default: tuple[float, ...] | None = None, *, finite: bool = True
 ) -> tuple[float, ...]:
-    """`count` numbers from an attribute or an element's text; `default` where there is none.
+    """Return numbers from an attribute or an element's text.
+
+    Args:
+        text: the attribute or text; None or blank if there is none.
+        count: how many numbers it must hold.
+        where: file and element, for messages.
+        default: returned if there is no text; None: the text is required.
+        finite: if False, numbers may be infinite or above `LARGEST`, as limits are; NaN is refused.
+
+    Returns:
+        `count` numbers, or the default.
 
     Raises:
         RoverError: missing without a default, not that many numbers, or not finite.
@@ -78,7 +94,7 @@ def numbers(
         return default
     words = text.split(maxsplit=MAX_NUMBERS + 1)
     try:
-        values = tuple(float(w) for w in words if "_" not in w)  # float() would read 1_0 as ten
+        values = tuple(float(w) for w in words if "_" not in w)  # float() reads 1_0 as ten
     except ValueError:
         values = ()
     good = all(abs(v) <= LARGEST or (not finite and not math.isnan(v)) for v in values)

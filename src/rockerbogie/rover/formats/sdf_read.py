@@ -1,4 +1,7 @@
-"""SDF (Gazebo's format) reader: every model of the file, nested ones included, as libsdformat resolves it."""
+"""SDF (Gazebo's format) reader.
+
+It reads every model of the file, nested ones included, as libsdformat resolves it.
+"""
 
 from __future__ import annotations
 
@@ -39,6 +42,9 @@ def read_sdf(data: bytes | str, what: str = "model.sdf", meshes: MeshFolder | No
         what: the file's name, for messages.
         meshes: reader of the mesh files it refers to; None: meshes are not read.
 
+    Returns:
+        The trees.
+
     Raises:
         RoverError: refused XML, or a faulty description.
     """
@@ -73,7 +79,7 @@ def _version(text: str | None, what: str) -> tuple[int, int]:
 
 @dataclass
 class _Frame:
-    """A named frame: its element, the scope (prefix) of its model, and its kind (link, joint, frame or model)."""
+    """Named frame: a link, joint, frame or model, and the scope (prefix) of its model."""
 
     element: Element
     scope: str
@@ -81,7 +87,10 @@ class _Frame:
 
 
 class _Model:
-    """A `<model>` with the models nested in it, whose poses may each be given in any other frame."""
+    """Reader of a `<model>` and the models nested in it.
+
+    Each pose may be given in any other frame of it.
+    """
 
     def __init__(self, model: Element, what: str, version: tuple[int, int], meshes: MeshFolder) -> None:
         self.model, self.what, self.version, self.meshes = model, what, version, meshes
@@ -127,7 +136,10 @@ class _Model:
         return connected(tree, self.what, loops=True)
 
     def _scoped(self, name: str, scope: str, user: str) -> str:
-        """Return the full name of a frame named inside a scope; the scope's own model as "scope::__model__"."""
+        """Return the full name of a frame named inside a scope.
+
+        The scope's own model is "scope::__model__".
+        """
         if name == "__model__":
             return f"{scope}__model__"
         if scope + name not in self.frames:
@@ -197,7 +209,7 @@ class _Model:
         return inside
 
     def _relative_to(self, pose: Element) -> str:
-        """Return the name of the frame that a pose is given in ("" for the default), by the file's version."""
+        """Return the name of the frame that a pose is given in; "" for the default."""
         return pose.get("relative_to" if self.version >= RELATIVE_TO else "frame") or ""
 
     def _pose(self, element: Element, where: str) -> Array:
@@ -241,7 +253,10 @@ class _Model:
         return joint
 
     def _axis(self, joint: Joint, axis: Element | None, scope: str, T: Array, T_child: Array, where: str) -> None:
-        """Set a hinge's axis: in the joint's frame, the model's (SDF 1.4 and older, or on request), or a named one."""
+        """Set a hinge's axis.
+
+        It is given in the joint's frame, the model's (SDF 1.4 and older, or on request), or a named one.
+        """
         xyz = None if axis is None else axis.find("xyz")
         vector = np.array(numbers(None if xyz is None else xyz.text, 3, f"{where} axis", (0.0, 0.0, 1.0)))
         if (length := float(np.linalg.norm(vector))) < 1e-9:
@@ -302,7 +317,7 @@ class _Model:
         return part
 
     def _auto_inertial(self, part: Part, inertial: Element, densities: list[str | None], where: str) -> None:
-        """Set a link's mass properties from its collision shapes and their densities (SDF 1.11 `auto`)."""
+        """Set a link's mass properties from its collision shapes' densities (SDF 1.11 `auto`)."""
         default = numbers(inertial.findtext("density"), 1, f"{where} density", (DENSITY,))[0]
         pieces = []
         for shape, text in zip([s for s in part.shapes if s.collides], densities, strict=True):

@@ -14,12 +14,17 @@ EXTENSION = "rockerbogie:differential"
 
 
 def to_sdf(rover: Rover) -> str:
-    """Return the rover as an SDF model: masses, collision cylinders, limits, and the differential as a `mimic` axis.
+    """Return the rover as an SDF model.
+
+    It has masses, collision cylinders, limits, and the differential as a `mimic` axis.
 
     A differential that is not a plain ratio is written as its slope at rest, and in full in `<rockerbogie:differential>`.
 
     Args:
         rover: the rover to write.
+
+    Returns:
+        SDF 1.11 text.
 
     Raises:
         RoverError: not a rover.
@@ -35,6 +40,9 @@ def model_element(rover: Rover) -> Element:
 
     Args:
         rover: the rover to write.
+
+    Returns:
+        The element.
     """
     tree = tree_of(rover)
     rest = tree.rest()

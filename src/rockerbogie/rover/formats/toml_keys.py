@@ -1,4 +1,7 @@
-"""Every key a rover's TOML file may hold, once: the reader, the JSON schema and the template all follow this table."""
+"""Table of all keys of a rover's TOML file.
+
+The reader, the writer and the JSON schema use it.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Key:
-    """One key: its table, its name with the unit, what it may hold, and the comment that explains it.
+    """Key of a rover's TOML file, with the comment that explains it.
 
     `kind` is "text", "number", "bools" or an array shape like "3|2x3"; "per-wheel" is a number, 3 (axles) or 6 (wheels).
     """
@@ -19,19 +22,19 @@ class Key:
 
     @property
     def path(self) -> str:
-        """The key as a person would say it, `table.name`."""
+        """Return the key as `table.name`."""
         return f"{self.table}.{self.name}" if self.table else self.name
 
 
-#: What each table is for, in the order a file is written.
+#: Purpose of each table, in the order of a file.
 TABLES = {
     "": "A rover for rockerbogie. Body frame: x forward, y left, z up; every joint at its rest angle.",
     "wheels": "Wheels come in the order rocker wheel, middle wheel, the bogie's other wheel; each left, then right.",
-    "linkage": "Where the joints and hubs stand. Give the left side only and it is mirrored to the right.",
+    "linkage": "Positions of the joints and hubs. If only the left side is given, it is mirrored to the right.",
     "dh": "Instead of [linkage]: the constants of the Denavit-Hartenberg table of Elhami & Dashti.",
-    "stops": "Mechanical stops; leave out what has none. Nose down is positive; zero (rest) lies between them.",
-    "differential": "What joins the rockers. Left out: ideal, the right rocker turns by minus the left one's angle.",
-    "body": "The body's own box, for its clearance above the ground.",
+    "stops": "Joint limits; leave out a joint that has none. Nose down is positive; zero (rest) lies between them.",
+    "differential": "The differential of the rockers. Left out: ideal, the right rocker turns by minus the left one's angle.",
+    "body": "The body's own box, for its clearance above the terrain.",
     "mass": "The whole rover's mass, shared among its parts by a rule of thumb. Parts under [link] replace that.",
     "link": "One table a part: body, rocker_left, rocker_right, bogie_left, bogie_right, wheel_1 ... wheel_6 (wheel order).",
 }
@@ -39,8 +42,8 @@ TABLES = {
 KEYS = (
     Key("", "format", "number", "version of this file's form; always 1"),
     Key("", "name", "text", "short name, used in messages and file names"),
-    Key("", "title", "text", "what it is, in a line"),
-    Key("", "source", "text", "where the numbers come from"),
+    Key("", "title", "text", "title, one line"),
+    Key("", "source", "text", "source of the numbers"),
     Key("", "grade", "text", "A: the maker's numbers; B: an independent model's; C: partly estimated"),
     Key("wheels", "radius_m", "per-wheel", "radius over the tread: a number, 3 (a pair each) or 6 (each wheel)"),
     Key("wheels", "width_m", "per-wheel", "width of the tread; 0 is a thin disc"),
@@ -69,13 +72,18 @@ KEYS = (
             start=1,
         )
     ),
-    Key("stops", "rocker_deg", "2", "lowest and highest angle of the left rocker to the body; the right one follows"),
+    Key(
+        "stops",
+        "rocker_deg",
+        "2",
+        "lowest and highest angle of the left rocker to the body; the right one follows from it",
+    ),
     Key("stops", "bogie_deg", "2", "lowest and highest angle of each bogie to its rocker"),
     Key("differential", "ratio", "number", "the right rocker turns by minus this times the left one's angle"),
     Key("differential", "coefficients", "numbers", "or a polynomial in the left angle (rad), lowest power first: 0, -1, ..."),
     Key("differential", "bar_pivot_m", "2", "or a bar across the deck: x and z of its upright axis"),
     Key("differential", "bar_end_m", "3", "the bar's left end, at rest"),
-    Key("differential", "horn_m", "3", "where the link from that end holds the left rocker, at rest"),
+    Key("differential", "horn_m", "3", "the point where the link from that end holds the left rocker, at rest"),
     Key("body", "box_m", "2x3", "lowest and highest corner"),
     Key("mass", "total_kg", "number", "the whole rover"),
     Key("link", "mass_kg", "number", "mass of the part"),

@@ -1,4 +1,4 @@
-"""A rover from its own TOML file, with units in the keys. `toml_text` writes it."""
+"""Reader of a rover's TOML file, with units in its keys; `toml_write` writes it."""
 
 from __future__ import annotations
 
@@ -38,14 +38,17 @@ BAR = ("differential.bar_pivot_m", "differential.bar_end_m", "differential.horn_
 
 
 def read_toml(text: str, name: str = "rover") -> Rover:
-    """A rover from the text of a TOML file.
+    """Return the rover of a TOML text.
 
     Args:
         text: the file's contents.
-        name: the rover's name if the file gives none; also said in messages.
+        name: the rover's name if the file gives none; used in messages.
+
+    Returns:
+        The rover.
 
     Raises:
-        RoverError: not TOML, an unknown key, a value of the wrong kind, or a rover that cannot be.
+        RoverError: not TOML, an unknown key, a value of the wrong kind, or an impossible rover.
     """
     values = read_values(text, name)
     rover = _rover(values, name)
@@ -54,7 +57,16 @@ def read_toml(text: str, name: str = "rover") -> Rover:
 
 
 def read_values(text: str, name: str) -> dict[str, Any]:
-    """The file's values by `table.key`, each of the kind its key asks for; parts under [link] as `Link`s.
+    """Return a file's values by `table.key`, each of the kind of its key.
+
+    Parts under [link] are returned as `Link`s.
+
+    Args:
+        text: the file's contents.
+        name: the file's name, for messages.
+
+    Returns:
+        Values by key.
 
     Raises:
         RoverError: not TOML, an unknown key, or a value of the wrong kind.
@@ -69,6 +81,7 @@ def read_values(text: str, name: str) -> dict[str, Any]:
 
 
 def _values(tree: dict[str, Any], name: str) -> dict[str, Any]:
+    """Return the values of parsed TOML by `table.key`, checked."""
     known = {key.path: key for key in KEYS}
     top = [key.name for key in KEYS if not key.table] + [table for table in TABLES if table]
     found: dict[str, Any] = {}
@@ -94,6 +107,7 @@ def _values(tree: dict[str, Any], name: str) -> dict[str, Any]:
 
 
 def _links(parts: dict[str, Any], name: str) -> dict[str, Any]:
+    """Return the parts under [link] by `link.name`, checked."""
     keys = {key.name: key for key in KEYS if key.table == "link"}
     found: dict[str, Any] = {}
     for part, inside in parts.items():
@@ -113,7 +127,7 @@ def _links(parts: dict[str, Any], name: str) -> dict[str, Any]:
 
 
 def _checked(key: Key, value: Any, name: str) -> Any:
-    """`value` as the kind `key` asks for."""
+    """Return `value` as the kind of `key`."""
     items = value if isinstance(value, list) else [value]
     if key.kind == "text":
         good, need, result = isinstance(value, str), "a string", value
@@ -138,7 +152,10 @@ def _checked(key: Key, value: Any, name: str) -> Any:
 
 
 def _numbers(value: Any) -> NDArray[np.float64] | None:
-    """An array of floats, or None where `value` holds anything but numbers of some measure, or rows of different length."""
+    """Return an array of floats, None if a value is no array of numbers.
+
+    Numbers above `LARGEST` and rows of different length are refused too.
+    """
     flat = [value]
     for _ in range(2):
         flat = [v for item in flat for v in (item if isinstance(item, list) else [item])]
@@ -152,7 +169,18 @@ def _numbers(value: Any) -> NDArray[np.float64] | None:
 
 
 def arguments(values: dict[str, Any], name: str) -> dict[str, Any]:
-    """What the values say, as arguments of `Rover.from_pivots`."""
+    """Return arguments of `Rover.from_pivots`.
+
+    Args:
+        values: from `read_values`.
+        name: the file's name, for messages.
+
+    Returns:
+        Arguments by name, in metres and radians.
+
+    Raises:
+        RoverError: a differential or links that are given twice, or in part.
+    """
     more = {argument: values[path] for path, argument in ARGUMENTS.items() if path in values}
     more |= _differential(values, name)
     for joint in ("rocker", "bogie"):
@@ -162,6 +190,7 @@ def arguments(values: dict[str, Any], name: str) -> dict[str, Any]:
 
 
 def _rover(values: dict[str, Any], name: str) -> Rover:
+    """Return the rover of a file's values, from [linkage] or from [dh]."""
     more = {"name": name} | arguments(values, name)
     constants = {path[3:].partition("_")[0]: value for path, value in values.items() if path.startswith("dh.")}
     if not constants:
@@ -171,7 +200,7 @@ def _rover(values: dict[str, Any], name: str) -> Rover:
         return Rover.from_pivots(**more)
     twice = [path for path in NEEDED if path in values]
     if twice:
-        raise RoverError(f"{name}: [dh] already says {twice[0]}; give one or the other")
+        raise RoverError(f"{name}: [dh] already gives {twice[0]}; give one or the other")
     missing = [f"K{i}" for i in range(3, 12) if f"K{i}" not in constants]
     if missing:
         raise RoverError(f"{name}: [dh] lacks {', '.join(missing)}")
@@ -179,7 +208,7 @@ def _rover(values: dict[str, Any], name: str) -> Rover:
 
 
 def _differential(values: dict[str, Any], name: str) -> dict[str, Any]:
-    """The differential as `Rover.from_pivots` takes it; nothing where the file leaves it ideal."""
+    """Return the differential as an argument of `Rover.from_pivots`, if the file gives it."""
     bar = [values[path] for path in BAR if path in values]
     ways = [bool(bar), "differential.ratio" in values, "differential.coefficients" in values]
     if sum(ways) > 1:
@@ -195,7 +224,7 @@ def _differential(values: dict[str, Any], name: str) -> dict[str, Any]:
 
 
 def _parts(values: dict[str, Any], name: str) -> dict[str, Any]:
-    """The rover's own links, where the file gives them."""
+    """Return the rover's own links as arguments, if the file gives them."""
     links = [values.get(f"link.{part}") for part in LINKS]
     more: dict[str, Any] = {} if links[0] is None else {"body": links[0]}
     for argument, some in (("rockers", links[1:3]), ("bogies", links[3:5]), ("wheels", links[5:])):

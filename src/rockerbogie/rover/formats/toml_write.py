@@ -1,4 +1,4 @@
-"""A rover as TOML text with a comment to each key, and the JSON schema of such files."""
+"""Writer of a rover's TOML file, and the JSON schema of such files."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ...arrays import Array
 from ..model import Rover
 from .toml_keys import KEYS, LINKS, TABLES, Key
 
-#: Commented-out lines of a new file, to be filled in where they apply.
+#: Lines of a new file that are commented out, to be filled in if they apply.
 EXAMPLES = {
     "title": '"..."',
     "grade": '"C"',
@@ -23,10 +23,16 @@ EXAMPLES = {
 
 
 def to_toml(rover: Rover, *, options: bool = False) -> str:
-    """The rover as TOML: the left side alone where the right mirrors it, parts only where no rule of thumb gives them.
+    """Return the rover as TOML.
+
+    Only the left side is written if the right mirrors it; links only if no rule of thumb gives them.
 
     Args:
-        options: also list, commented out, what could be said besides.
+        rover: the rover.
+        options: also list, commented out, the keys that are not used.
+
+    Returns:
+        TOML text.
     """
     values = _values(rover)
     lines = ["#:schema ./rover.schema.json", f"# {TABLES['']}", ""]
@@ -49,7 +55,7 @@ def to_toml(rover: Rover, *, options: bool = False) -> str:
 
 
 def _values(rover: Rover) -> dict[str, str]:
-    """What there is to say of the rover, by `table.key`, as TOML."""
+    """Return the rover's values by `table.key`, as TOML."""
     values = {
         "format": "1",
         "name": json.dumps(rover.name, ensure_ascii=False),
@@ -81,7 +87,7 @@ def _values(rover: Rover) -> dict[str, str]:
 
 
 def _by_rule(rover: Rover, total: float) -> bool:
-    """True where the rover's parts are what the rule of thumb makes of its total mass."""
+    """Return True if the rover's links are the rule of thumb's for a total mass (kg)."""
     shape = ("wheel_radius", "wheel_width", "rocker_pivot", "bogie_pivot", "hubs", "body_box")
     typical = Rover.from_pivots(**{name: getattr(rover, name) for name in shape}, mass=total)
     own, ruled = (np.array([[k.mass, *k.com, *k.inertia.ravel()] for k in r.links]) for r in (rover, typical))
@@ -89,6 +95,7 @@ def _by_rule(rover: Rover, total: float) -> bool:
 
 
 def _link_lines(rover: Rover, keys: list[Key]) -> list[str]:
+    """Return the tables under [link]."""
     lines = [f"# {TABLES['link']}"]
     lines += [f"#   {key.name}: {key.comment}" for key in keys]
     for name, link in zip(LINKS, rover.links, strict=True):
@@ -99,25 +106,26 @@ def _link_lines(rover: Rover, keys: list[Key]) -> list[str]:
 
 
 def _alike(per_wheel: Any) -> Any:
-    """One value for all wheels where they are equal, one for each pair where left and right are; else one a wheel."""
+    """Return one value for equal wheels, one a pair for equal pairs, else one a wheel."""
     if (per_wheel == per_wheel[0]).all():
         return per_wheel[0]
     return per_wheel[::2] if np.array_equal(per_wheel[::2], per_wheel[1::2]) else per_wheel
 
 
 def _one_side(points: Array) -> Array:
-    """The left side alone of points (2 or 6, 2 or 3) where the right mirrors it exactly."""
+    """Return the left side of points (2 or 6, ...) if the right mirrors it; else all."""
     left, right = points[::2], points[1::2]
     mirror = np.array([1.0, -1.0, 1.0])[: points.shape[1]]
     return (left[0] if len(left) == 1 else left) if np.array_equal(left * mirror, right) else points
 
 
 def _number(value: float) -> str:
+    """Return a number as text that reads back to the same bits."""
     return repr(float(value) + 0.0)
 
 
 def _list(array: Array) -> str:
-    """An array as TOML, a row to a line where it has several."""
+    """Return an array as TOML, each row on its own line if there are several."""
     if array.ndim == 0:
         return _number(float(array))
     if array.ndim == 1:
@@ -126,7 +134,13 @@ def _list(array: Array) -> str:
 
 
 def schema() -> dict[str, Any]:
-    """The JSON schema (draft 2020-12) of a rover's TOML file, for editors that check while one writes."""
+    """Return the JSON schema (draft 2020-12) of a rover's TOML file.
+
+    Editors use it to check a file while it is written.
+
+    Returns:
+        The schema, to be written as JSON.
+    """
     properties: dict[str, Any] = {}
     for key in KEYS:
         entry = {**_kind(key.kind), "description": key.comment}

@@ -1,4 +1,6 @@
-"""Links and joints common to URDF, SDF and MJCF: a graph as the file declares it, and the same graph rooted at a link.
+"""Links and joints common to URDF, SDF and MJCF.
+
+They form a graph as the file declares it, which is rooted at any of its links.
 
 A rover becomes a tree to be written in any of them (`export_tree.tree_of`); the trees of a file become a rover again
 (`import_build.build_rover`).
@@ -96,7 +98,10 @@ class Shape:
 
 @dataclass
 class Part:
-    """A link: its mass properties along its own frame's axes (mass 0 if the file gives none) and its shapes."""
+    """Link of a robot file: its mass properties along its own axes, and its shapes.
+
+    The mass is 0 if the file gives none.
+    """
 
     name: str
     mass: float = 0.0
@@ -129,7 +134,13 @@ class Joint:
         return self.limits is not None and self.limits[0] == self.limits[1] and abs(self.limits[0]) < np.inf
 
     def reversed(self) -> Joint:
-        """Return the same joint with parent and child exchanged; its angle keeps its sense and its limits."""
+        """Return the same joint with parent and child exchanged.
+
+        Its angle keeps its sense and its limits.
+
+        Returns:
+            A new joint.
+        """
         axis = None if self.axis is None else -(self.T[:3, :3] @ self.axis)
         anchor = self.T[:3, :3] @ self.anchor + self.T[:3, 3]
         return replace(self, parent=self.child, child=self.parent, T=inverse(self.T), axis=axis, anchor=anchor)
@@ -154,7 +165,12 @@ class Tree:
     order: list[str] = field(default_factory=list)
 
     def drop(self, kind: str, name: str) -> None:
-        """Record that a joint or link has a property that a rover does not have."""
+        """Record that a joint or link has a property that a rover does not have.
+
+        Args:
+            kind: the property, for the report.
+            name: the joint or link that has it.
+        """
         self.dropped.setdefault(kind, []).append(name)
 
     def rooted(self, root: str) -> Tree:
@@ -184,7 +200,13 @@ class Tree:
         return replace(self, root=root, inbound=inbound, order=order)
 
     def rest_angles(self) -> dict[str, float]:
-        """Return each joint's angle at rest, rad: 0; locked joints their limit; followers what their leader gives them."""
+        """Return each joint's angle at rest, rad.
+
+        It is 0; a locked joint's is its limit, a follower's what its leader gives it.
+
+        Returns:
+            Angles by joint, rad.
+        """
         angles: dict[str, float] = {}
         for name in self.joints:
             chain = [name]
@@ -203,7 +225,11 @@ class Tree:
         return angles
 
     def rest(self) -> dict[str, Array]:
-        """Return T_root_link (4, 4) of every link with all joints at rest."""
+        """Return T_root_link (4, 4) of every link with all joints at rest.
+
+        Returns:
+            Transforms (4, 4) by link.
+        """
         angles = self.rest_angles()
         T = {self.root: np.eye(4)}
         for name in self.order[1:]:
@@ -278,13 +304,28 @@ def connected(tree: Tree, what: str, *, loops: bool = False) -> list[Tree]:
 
 
 def inverse(T: Array) -> Array:
-    """Return the inverse of a rigid transform (4, 4)."""
+    """Return the inverse of a rigid transform (4, 4).
+
+    Args:
+        T: (4, 4) rigid transform.
+
+    Returns:
+        (4, 4).
+    """
     R = T[:3, :3].T
     return place(-(R @ T[:3, 3]), R)
 
 
 def place(at: ArrayLike = (0.0, 0.0, 0.0), turn: Array | None = None) -> Array:
-    """Return a transform (4, 4) from a position (3,) and a rotation (3, 3)."""
+    """Return a transform (4, 4) from a position (3,) and a rotation (3, 3).
+
+    Args:
+        at: (3,) position.
+        turn: (3, 3) rotation; None: identity.
+
+    Returns:
+        (4, 4).
+    """
     T = np.eye(4)
     T[:3, 3] = at
     if turn is not None:
@@ -293,13 +334,28 @@ def place(at: ArrayLike = (0.0, 0.0, 0.0), turn: Array | None = None) -> Array:
 
 
 def about(axis: Array, angle: float) -> Array:
-    """Return the rotation (3, 3) by `angle` (rad) about a unit axis (3,)."""
+    """Return the rotation (3, 3) by `angle` (rad) about a unit axis (3,).
+
+    Args:
+        axis: (3,) unit vector.
+        angle: rad.
+
+    Returns:
+        (3, 3).
+    """
     x, y, z = axis
     K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.asarray(np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K)
 
 
 def from_rpy(roll: float, pitch: float, yaw: float) -> Array:
-    """Return Rz(yaw) Ry(pitch) Rx(roll) (3, 3), the convention of URDF and SDF; angles in rad."""
+    """Return Rz(yaw) Ry(pitch) Rx(roll) (3, 3), the convention of URDF and SDF; angles in rad.
+
+    Args:
+        roll, pitch, yaw: rad.
+
+    Returns:
+        (3, 3).
+    """
     x, y, z = np.eye(3)
     return about(z, yaw) @ about(y, pitch) @ about(x, roll)

@@ -34,6 +34,9 @@ def read_urdf(data: bytes | str, what: str = "robot.urdf", meshes: MeshFolder | 
         what: the file's name, for messages.
         meshes: reader of the mesh files it refers to; None: meshes are not read.
 
+    Returns:
+        The trees.
+
     Raises:
         RoverError: refused XML, unexpanded macros, or a faulty description.
     """
@@ -68,7 +71,7 @@ def read_urdf(data: bytes | str, what: str = "robot.urdf", meshes: MeshFolder | 
 
 
 def _refuse_macros(robot: Element, what: str) -> None:
-    """Raise an error if the file is xacro that has not been expanded, in its present or its old form (no prefix)."""
+    """Raise an error if the file is unexpanded xacro, in its present or its old form."""
     prefixes = {"xacro"} | {key[6:] for key, value in robot.attrib.items() if key.startswith("xmlns:") and "xacro" in value}
     prefixed = [e.tag for e in robot.iter() if e.tag.partition(":")[0] in prefixes and ":" in e.tag]
     old = [e.tag for e in robot if e.tag in MACROS]

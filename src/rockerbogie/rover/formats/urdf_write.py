@@ -20,7 +20,9 @@ BODY_LINK, BODY_JOINT = "body", "body_joint"
 
 
 def to_urdf(rover: Rover, *, ros2_control: bool = False) -> str:
-    """Return the rover as URDF: masses, collision cylinders, limits, and the differential as a `mimic` joint.
+    """Return the rover as URDF.
+
+    It has masses, collision cylinders, limits, and the differential as a `mimic` joint.
 
     The root `base_link` has no mass; the body's mass and box are on the link `body`, fixed to it. A differential that is not
     a plain ratio is written as its slope at rest, and in full in `<rockerbogie differential="...">`, which other readers ignore.
@@ -28,6 +30,9 @@ def to_urdf(rover: Rover, *, ros2_control: bool = False) -> str:
     Args:
         rover: the rover to write.
         ros2_control: add a `<ros2_control>` block (gz_ros2_control): steering by position, wheels by velocity.
+
+    Returns:
+        URDF text.
 
     Raises:
         RoverError: not a rover.
