@@ -27,6 +27,9 @@ RETIRED = (
     "way out", "roof", "knee", "knees", "the land", "leans", "stance",
 )  # fmt: skip
 WORD = re.compile(rf"(?<![\w.`\"'])({'|'.join(RETIRED)})(?![\w`\"'(=])", re.IGNORECASE)
+#: File and retired word that it may hold: names that are kept for users and stored data.
+ALLOWED = {("src/rockerbogie/motion/jacobian.py", "stance"), ("tests/test_golden.py", "holes")}
+
 #: Rule -> folder -> number of places that break it. A folder that is not listed has none.
 REMAINING: dict[str, dict[str, int]] = {
     "opening": {
@@ -54,7 +57,7 @@ REMAINING: dict[str, dict[str, int]] = {
         "src/rockerbogie": 7,
         "src/rockerbogie/_kernels": 127,
         "src/rockerbogie/bench": 15,
-        "src/rockerbogie/cli": 18,
+        "src/rockerbogie/cli": 14,
         "src/rockerbogie/figures": 28,
         "src/rockerbogie/logs": 21,
         "src/rockerbogie/maps": 38,
@@ -68,7 +71,6 @@ REMAINING: dict[str, dict[str, int]] = {
         "tests/kernels": 29,
         "tests/logs": 5,
         "tests/maps": 13,
-        "tests/motion": 1,
         "tests/paper": 3,
         "tests/simulation": 13,
         "tests/support": 64,
@@ -84,11 +86,10 @@ REMAINING: dict[str, dict[str, int]] = {
         "src/rockerbogie/figures": 37,
         "src/rockerbogie/logs": 10,
         "src/rockerbogie/maps": 11,
-        "src/rockerbogie/motion": 1,
         "src/rockerbogie/paper": 7,
         "src/rockerbogie/simulation": 8,
         "src/rockerbogie/terrain": 7,
-        "tests": 10,
+        "tests": 9,
         "tests/cli": 3,
         "tests/figures": 4,
         "tests/kernels": 27,
@@ -191,7 +192,8 @@ def retired_words() -> Iterator[Place]:
     """Yield lines with a retired word."""
     for file in files("src/**/*.py", "src/**/*.md", "src/**/*.toml", "docs/*.md", "docs/*.py", "README.md", "tests/**/*.py"):
         for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), 1):
-            if found := WORD.search(line):
+            found = WORD.search(line)
+            if found and (str(file.relative_to(ROOT)), found[1].lower()) not in ALLOWED:
                 yield Place(file, number, f"{found[1]!r} in {line.strip()}")
 
 

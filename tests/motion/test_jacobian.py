@@ -1,4 +1,4 @@
-"""Eqs 6-9 against numerical derivatives of the paper's chain of matrices and against Pinocchio."""
+"""Eqs 6-9 against derivatives of the paper's chain of matrices and against Pinocchio."""
 
 from __future__ import annotations
 

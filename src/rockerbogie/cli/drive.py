@@ -1,4 +1,4 @@
-"""Commands `rockerbogie drive` and `rockerbogie simulate`: a path, by the kinematic model and in MuJoCo."""
+"""Commands `rockerbogie drive` and `rockerbogie simulate`: a path by model and in MuJoCo."""
 
 from __future__ import annotations
 
@@ -221,9 +221,9 @@ def simulate(
 
 
 def _path(text: str | None, radius: float, rover: Rover, terrain: Terrain) -> Path:
-    """Return the path of a CSV file or of waypoints `x,y x,y …`; default: straight through the middle of the map.
+    """Return the path of a CSV file or of waypoints `x,y x,y …`.
 
-    The default path keeps the rover's reach away from the edge of the map.
+    The default path is straight through the middle of the map; it keeps the rover's reach away from the edge of the map.
     """
     if text is not None and text.lower().endswith(".csv"):
         return read_route(text, radius)
@@ -280,7 +280,7 @@ def _write_run(rover: Rover, terrain: Terrain, run: xr.Dataset, output: FilePath
 
 
 def _summary(run: xr.Dataset) -> dict[str, Any]:
-    """Return length, number of stations by status, and extremes of each channel with their positions (SI, radians)."""
+    """Return length, stations by status, and extremes of each channel (SI, radians)."""
     from ..figures.charts import tilt_of
 
     status = run["status"].values

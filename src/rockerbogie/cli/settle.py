@@ -138,7 +138,10 @@ FORCES = ("support", "belly_support", "wheel_lifted")
 
 
 def _record(pose: Pose, status: Status) -> dict[str, Any]:
-    """Return the JSON record of a pose. A wheel off the ground has a gap, but no contact angle and no contact point."""
+    """Return the JSON record of a pose.
+
+    A wheel off the ground has a gap, but no contact angle and no contact point.
+    """
     record: dict[str, Any] = {
         "rover": pose.rover.name,
         "terrain": pose.terrain.name,
