@@ -207,6 +207,18 @@ def test_limits_that_differ_by_side() -> None:
     assert said(result.warnings, "limits of the bogies differ", "(-0.4, 0.5)", "(-0.6, 0.6)")
 
 
+def test_rocker_limits_without_room() -> None:
+    """Limits by which neither rocker may turn, through the differential, are a slip in the file."""
+    result = take(probe.urdf().replace('lower="-0.5" upper="0.5"', 'lower="0" upper="0.5"'))
+    assert_close(result.rover.rocker_limits, (0, 0.5), 0, "rad", "the left one's")
+    assert said(result.warnings, "leave no room")
+
+
+def test_a_mimic_offset_is_named() -> None:
+    with pytest.raises(rb.RoverError, match=r"no left and right pair .* 'rocker_r' at 0\.2 rad: by a mimic offset"):
+        take(probe.urdf().replace('multiplier="-1"/>', 'multiplier="-1" offset="0.2"/>'))
+
+
 def test_dropped_properties_are_listed() -> None:
     text = probe.urdf().replace('<axis xyz="0 1 0"/><limit', '<axis xyz="0 -1 0"/><dynamics damping="2" friction="1"/><limit', 1)
     result = take(text)

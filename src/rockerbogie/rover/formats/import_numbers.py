@@ -303,6 +303,11 @@ class Numbers:
             return own
         theirs = np.sort(other / differential[1])
         both = np.array([max(own[0], theirs[0]), min(own[1], theirs[1])])
+        if not both[0] < both[1]:
+            pairs = [f"({a:.4g}, {b:.4g})" for a, b in (own, other)]
+            text = f"left {pairs[0]}, right {pairs[1]} rad"
+            self.roles.warnings.append(f"limits of the rockers leave no room: {text}; the left one's are used")
+            return own
         if np.isfinite(own).any() and np.isfinite(other).any():
             pairs = [f"({a:.4g}, {b:.4g})" for a, b in (own, other)]
             self.roles.warnings.append(f"limits of the rockers differ: left {pairs[0]}, right {pairs[1]} rad; both are kept to")

@@ -231,7 +231,7 @@ class _Search:
             raise RoverError(
                 f"{self.what}: {len(cluster)} of its hinges could be wheels, {span:.4g} m apart, and "
                 f"{len(self._bogies(by_arm, lateral))} bogies, "
-                "but no left and right pair of bogies with a rocker wheel to each was found among them: "
+                f"but no left and right pair of bogies with a rocker wheel to each was found among them{self._turned()}: "
                 "name them with joints={'wheels': [...], 'bogies': [...], 'rockers': [...]}"
             )
         (_, kind, _), bogies, outer, pairs = min(choices, key=lambda c: c[0])
@@ -240,6 +240,11 @@ class _Search:
         if others:
             roles.found.append(f"parallel hinges that are not wheels: {', '.join(h.joint.name for h in others)}")
         return roles
+
+    def _turned(self) -> str:
+        """Return a hint for messages if joints are not at 0 at rest, else ""."""
+        turned = [f"{name!r} at {angle:.3g} rad" for name, angle in self.tree.rest_angles().items() if angle]
+        return f" (at rest joint {', '.join(turned[:4])}: by a mimic offset or locked limits)" if turned else ""
 
     def _bogies(self, by_arm: dict[str, list[Hinge]], lateral: Array) -> list[Hinge]:
         """Return the hinges that may be bogies'.
