@@ -54,6 +54,7 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:
         One sentence that suggests a name and lists all of them.
     """
     names = sorted(known)
-    near = difflib.get_close_matches(name.lower(), names, n=1, cutoff=0.4)
-    hint = f"; did you mean {near[0]!r}?" if near else "."
+    lower = {known_name.lower(): known_name for known_name in names}
+    near = difflib.get_close_matches(name.lower(), lower, n=1, cutoff=0.4)
+    hint = f"; did you mean {lower[near[0]]!r}?" if near else "."
     return f"no {kind} named {name!r}{hint} Known: {', '.join(names)}."

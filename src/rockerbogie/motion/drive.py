@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import itertools
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
@@ -20,6 +19,7 @@ from ..settling.engines import Mode
 from ..settling.pose import Pose
 from ..settling.settle import check_mode, settle
 from ..settling.status import Status
+from ..tables import write_columns
 from ..terrain.heightfield import Terrain
 from .jacobian import contact_rows, reading, solve_each
 from .path import Path, PathSample
@@ -229,26 +229,23 @@ def summary(status: NDArray[np.uint8], distance: Array) -> str:
 def to_csv(run: xr.Dataset, file: str | FilePath) -> None:
     """Write a run as CSV, one row per station.
 
-    Columns are named `name [unit]`, `name_wheel [unit]` and so on.
+    Columns are named `name [unit]`, `name_wheel [unit]` and so on. Numbers have all their digits: `read_log` and
+    `read_columns` give back the same values.
 
     Args:
-        run: from `drive` or `simulate`.
-        file: the file to write; an existing file is replaced.
+        run: Dataset over `time`, each variable with `units`.
+        file: the file, overwritten.
 
     Raises:
         RockerbogieError: the file cannot be written.
     """
-    header, columns = [], []
+    columns = {}
     for name in ("time", "distance", *run.data_vars):
+        if name not in run or run[name].dims[:1] != ("time",):
+            continue
         variable = run[name]
         extra = [d for d in variable.dims if d != "time"]
         for labels in itertools.product(*(run[d].values for d in extra)):
-            header.append(f"{'_'.join((str(name), *map(str, labels)))} [{variable.attrs['units']}]")
-            columns.append(variable.sel(dict(zip(extra, labels, strict=True))).values)
-    try:
-        with open(file, "w", newline="", encoding="utf-8") as stream:
-            writer = csv.writer(stream)
-            writer.writerow(header)
-            writer.writerows([f"{value:.10g}" for value in row] for row in zip(*columns, strict=True))
-    except OSError as error:
-        raise RockerbogieError(f"cannot write {str(file)!r}: {error.strerror}") from None
+            header = f"{'_'.join((str(name), *map(str, labels)))} [{variable.attrs.get('units', '')}]"
+            columns[header] = variable.sel(dict(zip(extra, labels, strict=True))).values
+    write_columns(file, columns)
