@@ -32,6 +32,14 @@ class SensorNoise:
 Noise = SensorNoise
 
 
+@dataclass(frozen=True)
+class RatePrior:
+    """Standard deviations of unmeasured rates about 0: numbers or arrays (...)."""
+
+    joint: ArrayLike = np.inf  # rad/s, rocker and bogies
+    tilt: ArrayLike = np.inf  # rad/s, rates of roll and pitch; ωx and ωy if the pose has neither
+
+
 @dataclass(frozen=True, eq=False)
 class Motion:
     """Motion of the body from its sensors.
@@ -59,6 +67,7 @@ def body_twist(
     steering: ArrayLike | None = None,
     expected_slip: ArrayLike | None = None,
     noise: SensorNoise | None = None,
+    prior: RatePrior | None = None,
 ) -> Motion:
     """Compute the body's twist from any of its sensors by weighted least squares.
 
@@ -79,6 +88,8 @@ def body_twist(
         expected_slip: (..., 6, 3) roll slip, side slip and lift of each wheel, from a soil model or a terrain slope, m/s;
             default 0.
         noise: standard deviations of the readings.
+        prior: expected size of rates without a reading: of joints, and of roll and pitch without gyro and inclinometer.
+            Default: no prior.
 
     Returns:
         Motion, with batch axes from broadcasting all arguments.
@@ -110,6 +121,7 @@ def body_twist(
         _equations(rows[..., 1, :], slip[..., 1], turned, noise.side_slip),
         _equations(rows[..., 2, :], slip[..., 2], turned, noise.lift),
         *readings.values(),
+        *(_prior_equations(pose, readings, prior) if prior is not None else ()),
     ]
     shape = np.broadcast_shapes(rows.shape[:-3], turned.shape[:-1], *(value.shape[:-1] for _, value in equations))
     A = np.concatenate([np.broadcast_to(a, (*shape, *a.shape[-2:])) for a, _ in equations], axis=-2)
@@ -134,6 +146,25 @@ def _direct(value: Array, columns: list[int], sigma: ArrayLike) -> tuple[Array, 
     """Return the whitened equations of sensors that measure the unknowns of `columns`."""
     row = np.eye(UNKNOWNS + 1)[columns]
     return _equations(np.broadcast_to(row, (*value.shape[:-1], *row.shape)), value, np.zeros(1), sigma)
+
+
+def _prior_equations(pose: ContactState, readings: dict[str, tuple[Array, Array]], prior: RatePrior) -> list[tuple[Array, Array]]:
+    """Return whitened equations `rate = 0` of the unknowns that no reading measures."""
+    found = []
+    for columns, sigma in (([6], prior.joint), ([7, 8], prior.joint), ([3, 4], prior.tilt)):
+        width = np.asarray(sigma, dtype=float)[..., None]
+        seen = np.zeros((), dtype=bool)
+        for rows, _ in readings.values():
+            seen = seen | (np.abs(rows[..., columns]) > 0).any(axis=(-1, -2))
+        if seen.all():
+            continue
+        value = np.where(seen, np.nan, np.zeros(width.shape[:-1]))[..., None]
+        value = np.broadcast_to(value, (*value.shape[:-1], len(columns)))
+        if columns == [3, 4] and hasattr(pose, "pitch") and not callable(getattr(pose, "roll", len)):
+            found.append(_leaning(pose, value, width))
+        else:
+            found.append(_direct(value, columns, width))
+    return found
 
 
 def _leaning(pose: ContactState, rates: Array, sigma: ArrayLike) -> tuple[Array, Array]:
