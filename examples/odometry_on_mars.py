@@ -12,7 +12,7 @@ for seed in (1, 2, 3):
     length = float(np.linalg.norm(np.diff(np.stack([run[k] for k in "xyz"]), axis=1), axis=0).sum())
     for label, track in (
         ("3-D, no map", rb.odometry(rover, run, start=start)),
-        ("3-D, with the map", rb.odometry(rover, run, ground, start=start)),
+        ("3-D, with the map", rb.odometry(rover, ground, run, start=start)),
         ("flat, IMU's heading", rb.flat_odometry(rover, run, start=start)),
         ("flat, wheels' heading", rb.flat_odometry(rover, run, start=start, heading=False)),
     ):

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from .errors import TerrainWarning as TerrainWarning
     from .logs.attitude_log import LogMap as LogMap
     from .logs.attitude_log import read_places as read_places
+    from .logs.channels import LogWarning as LogWarning
     from .logs.joint_log import read_log as read_log
     from .logs.mcap import write_mcap as write_mcap
     from .logs.odometry import SlopeSlip as SlopeSlip
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from .maps.traversability import traversability as traversability
     from .motion.body_twist import Motion as Motion
     from .motion.body_twist import Noise as Noise
+    from .motion.body_twist import RatePrior as RatePrior
     from .motion.body_twist import SensorNoise as SensorNoise
     from .motion.body_twist import body_twist as body_twist
     from .motion.drive import ackermann as ackermann
@@ -126,6 +128,7 @@ _EXPORTS = {
     "ContactState": "motion.jacobian",
     "body_twist": "motion.body_twist",
     "Motion": "motion.body_twist",
+    "RatePrior": "motion.body_twist",
     "SensorNoise": "motion.body_twist",
     "Noise": "motion.body_twist",
     "wheel_commands": "motion.wheel_commands",
@@ -143,6 +146,7 @@ _EXPORTS = {
     "odometry": "logs.odometry",
     "flat_odometry": "logs.odometry",
     "SlopeSlip": "logs.odometry",
+    "LogWarning": "logs.channels",
     "read_log": "logs.joint_log",
     "write_mcap": "logs.mcap",
     "to_mjcf": "simulation.mjcf",

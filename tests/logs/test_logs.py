@@ -62,13 +62,13 @@ def test_mcap_comes_back(run, rover, tmp_path):
     pytest.importorskip("rosbags", reason="the ros extra is not installed")
     from rockerbogie.logs.mcap import write_mcap
 
-    write_mcap(run, rover, tmp_path / "run.mcap")
+    write_mcap(rover, run, tmp_path / "run.mcap")
     log = read_log(tmp_path / "run.mcap", rover)
     for name in ("steering", "rocker", "bogie", "roll", "pitch", "yaw", "wheel_rate"):
         assert_close(log[name], run[name], 1e-9, "SI", "float64 in, float64 out; stamps to the nanosecond")
     same_way(log, run, rover, 1e-6, "wheel angles are the integral of the rates")
     bare = odometry(rover, run, start=(1.0, 2.0, 3.0))
-    write_mcap(bare, rover, tmp_path / "odometry.mcap")
+    write_mcap(rover, bare, tmp_path / "odometry.mcap")
     assert (tmp_path / "odometry.mcap").stat().st_size > 1000
 
 
@@ -78,7 +78,7 @@ def test_mcap_as_others_read_it(run, rover, tmp_path):
     ros2 = pytest.importorskip("mcap_ros2.decoder", reason="mcap-ros2-support decodes it for a second opinion; not installed")
     from rockerbogie.logs.mcap import write_mcap
 
-    write_mcap(run, rover, tmp_path / "run.mcap")
+    write_mcap(rover, run, tmp_path / "run.mcap")
     with open(tmp_path / "run.mcap", "rb") as stream:
         reader = mcap.make_reader(stream, decoder_factories=[ros2.DecoderFactory()])
         assert reader.get_header().profile == "ros2"

@@ -42,7 +42,7 @@ def test_odometry_over_rocks(mars):
     def drift(track):
         return 100 * np.linalg.norm([float(track[k][-1]) for k in "xyz"] - place[-1]) / length
 
-    blind, mapped = drift(rb.odometry(rover, run, start=start)), drift(rb.odometry(rover, run, ground, start=start))
+    blind, mapped = drift(rb.odometry(rover, run, start=start)), drift(rb.odometry(rover, ground, run, start=start))
     flat = drift(rb.flat_odometry(rover, run, start=start))
     print(f"drift over {length:.1f} m: 3-D {blind:.2f} %, with the map {mapped:.2f} %, flat {flat:.2f} %")
     # over four metres one rock weighs much; examples/odometry_on_mars.py shows under 1 % over twenty, and flat 4 to 12 %

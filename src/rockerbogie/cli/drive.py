@@ -122,7 +122,7 @@ def drive(
         if mcap and output is not None:
             from ..logs.mcap import write_mcap
 
-            write_mcap(run, machine, output / "run.mcap", force=force)
+            write_mcap(machine, run, output / "run.mcap", force=force)
             files.append(output / "run.mcap")
     summary = _summary(run)
     if json:

@@ -1,9 +1,10 @@
-"""`rockerbogie odometry`: where a log of joint sensors says the rover went."""
+"""Command `rockerbogie odometry`: the track of a log of joint sensors."""
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from cyclopts import Parameter
@@ -12,11 +13,13 @@ from rich.console import Console
 from rich.table import Table
 
 from ..errors import RockerbogieError
+from ..logs.channels import LogWarning
 from ..logs.joint_log import read_log
 from ..logs.odometry import SlopeSlip, flat_odometry
 from ..logs.odometry import odometry as integrate
 from ..motion.drive import to_csv
 from ..rover.formats import load_rover
+from ..rover.model import Rover
 from .common import (
     Folder,
     Force,
@@ -36,6 +39,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 JOINTS = ("wheel_angle", "wheel_rate", "steering", "rocker", "bogie")
+Many = Parameter(negative="")
 Names = Annotated[list[str] | None, Parameter(name="--name", negative="")]
 
 
@@ -48,34 +52,57 @@ def odometry(
     start: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None,
     soil: str | None = None,
     name: Names = None,
+    topic: Annotated[list[str] | None, Many] = None,
+    imu: str | None = None,
+    imu_mounting: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None,
+    imu_frame: Literal["enu", "ned"] = "enu",
+    flip: Annotated[list[str] | None, Many] = None,
+    counts_per_turn: float | None = None,
+    straight: Annotated[bool, Many] = False,
     linear: Linear = None,
     raster: Raster = None,
     output: Folder = None,
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Where a log of wheels, steering, rocker and bogies says the rover went, in three dimensions.
+    """Integrate a log of wheels, steering, rocker and bogies to the rover's track in three dimensions.
 
-    Prints the way's length, where it ends, and the slip left over; beside it what flat 2-D odometry makes of the same log, and
-    the error of both where the log knows better. With -o it writes odometry.png, odometry.nc, odometry.csv and odometry.mcap
-    (the last with the ros extra only).
+    Prints what was read, what was repaired and which sensors are doubtful; then the track's length, its end and the slip
+    left over, beside flat 2-D odometry of the same log, and the error of both if the log has positions. With -o it writes
+    odometry.png, odometry.nc, odometry.csv and odometry.mcap (the last with the ros extra only); the last three read back
+    as logs.
 
     Parameters
     ----------
     log
-        A .csv, .nc or .mcap file, or the folder of a ROS 2 bag: see the documentation for the names of columns and joints.
+        A .csv, .nc, .mcap, .db3 or .bag file, or the folder of a ROS bag: docs/odometry.md lists names of columns and joints.
     rover
         A preset's name, or a rover file.
     terrain
-        The ground, where there is a map: a raster file, or surface:NAME.
+        The map, if there is one: a raster file, or surface:NAME.
     start
-        Where the log begins: "x,y" or "x,y,z" in metres. Default: the log's own first position, or 0,0,0.
+        Begin of the track: "x,y" or "x,y,z" in metres. Default: the log's own first position, or 0,0,0.
     soil
         Slip to expect of a slope: "ALONG,ACROSS" per unit of its sine, as in 0.5,0.4.
     name
-        What the log calls a column or joint, and what it is called here: --name fl_wheel=wheel_angle_LF; may be repeated.
+        The log's name of a column or joint, and ours: --name fl_wheel=wheel_angle_LF; a minus turns the sign, as in
+        --name corner_fl=-steering_LF. May be repeated.
+    topic
+        A topic of joint states to read; may be repeated. Default: those that hold the rover's joints, without commands.
+    imu
+        The topic of the IMU, or none. Default: the one that agrees best with the wheels.
+    imu_mounting
+        Roll, pitch, yaw of the IMU in the body: "180,0,0", degrees.
+    imu_frame
+        Axes of the IMU's attitude. enu: x forward, y left, z up. ned: x forward, y right, z down over north, east, down.
+    flip
+        A column whose sign is turned: wheel_RF, wheel, steering, yaw, bogie_left, gyro_z; may be repeated.
+    counts_per_turn
+        Encoder counts per turn of a wheel, for logs in counts.
+    straight
+        Accept a log without steering: the wheels were held straight.
     linear
-        Bilinear ground between the nodes, or a smooth cubic surface. Default: cubic for files.
+        Bilinear terrain between the nodes, or a smooth cubic surface. Default: cubic for files.
     output
         Folder for pictures and data.
     force
@@ -86,24 +113,49 @@ def odometry(
     written = in_folder(output, *(f"odometry.{kind}" for kind in ("png", "nc", "csv", "mcap")))
     guard_outputs(written, log, rover, terrain, force=force)
     machine = load_rover(rover)
-    readings = read_log(log, machine, names=_names(name or []))
-    ground = None if terrain is None else load_terrain(terrain, linear, raster)
-    begin = _numbers(start, "--start", (2, 3)) if start is not None else [_first(readings, axis) for axis in "xyz"]
-    place = (begin[0], begin[1], begin[2] if len(begin) == 3 else 0.0)
-    slip = None if soil is None else SlopeSlip(*_numbers(soil, "--soil", (2,)))
-    with progress() as bar:
-        task = bar.add_task("reckoning", total=None)
-        track = integrate(machine, readings, ground, start=place, soil=slip)
-        flat = flat_odometry(machine, readings, start=place)
-        bar.update(task, description="drawing")
-        files = _write(machine, track, flat, readings, output)
+    mounting = None
+    if imu_mounting is not None:
+        roll, pitch, yaw = np.radians(_numbers(imu_mounting, "--imu-mounting", (3,))).tolist()
+        mounting = (roll, pitch, yaw)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LogWarning)  # printed below
+        readings = read_log(
+            log, machine, names=_names(name or []), topics=topic, imu=imu, flip=flip or (), counts_per_turn=counts_per_turn,
+            straight=straight, imu_mounting=mounting, imu_frame=imu_frame,
+        )  # fmt: skip
+        ground = None if terrain is None else load_terrain(terrain, linear, raster)
+        begin = _numbers(start, "--start", (2, 3)) if start is not None else [_first(readings, axis) for axis in "xyz"]
+        position = (begin[0], begin[1], begin[2] if len(begin) == 3 else 0.0)
+        slip = None if soil is None else SlopeSlip(*_numbers(soil, "--soil", (2,)))
+        with progress() as bar:
+            task = bar.add_task("integrating", total=None)
+            track = integrate(machine, ground, readings, start=position, soil=slip)
+            flat = flat_odometry(machine, readings, start=position)
+            bar.update(task, description="drawing")
+            files = _write(machine, track, flat, readings, output)
     summary = _summary(track, flat, readings)
     if json:
         print_json(summary | {"files": files})
         return
+    _print_read(readings)
     _print_summary(machine.name, log.name, summary)
+    for text in summary["warnings"]:
+        Console(stderr=True).print(f"warning: {text}", highlight=False, markup=False, soft_wrap=True)
     for file in files:
         print(file)
+
+
+def _lines(data: xr.Dataset, name: str) -> list[str]:
+    return [line for line in str(data.attrs.get(name, "")).split("\n") if line]
+
+
+def _print_read(log: xr.Dataset) -> None:
+    """Print sources, units and rates of a log, and its repairs."""
+    console = Console(highlight=False, markup=False, soft_wrap=True)
+    for text in _lines(log, "read"):
+        console.print(f"read {text}" if not text.startswith("not used") else text)
+    for text in _lines(log, "notes"):
+        console.print(f"note: {text}")
 
 
 def _names(pairs: list[str]) -> dict[str, str]:
@@ -149,10 +201,15 @@ def _summary(track: xr.Dataset, flat: xr.Dataset, log: xr.Dataset) -> dict[str, 
             "side_slip_rms": float(np.sqrt(np.nanmean(way["side_slip"] ** 2))),
             "end_error": _error(way, log),
         }
-    return {"duration": float(log["time"][-1] - log["time"][0]), "rows": int(log.sizes["time"]), "odometry": rows}
+    sigma = np.sqrt(np.diag(track["pose_covariance"][-1].values))
+    rows["3-D"]["end_sigma"] = [float(v) for v in sigma[:3]]
+    remarks = {name: _lines(log, name) for name in ("read", "notes")}
+    found = list(dict.fromkeys([*_lines(log, "warnings"), *_lines(track, "warnings")]))
+    span = {"duration": float(log["time"][-1] - log["time"][0]), "rows": int(log.sizes["time"])}
+    return span | remarks | {"warnings": found, "odometry": rows}
 
 
-def _write(rover: Any, track: xr.Dataset, flat: xr.Dataset, log: xr.Dataset, output: FilePath | None) -> list[FilePath]:
+def _write(rover: Rover, track: xr.Dataset, flat: xr.Dataset, log: xr.Dataset, output: FilePath | None) -> list[FilePath]:
     if output is None:
         return []
     from ..figures.odometry import odometry_figure
@@ -161,13 +218,14 @@ def _write(rover: Any, track: xr.Dataset, flat: xr.Dataset, log: xr.Dataset, out
 
     folder = make_folder(output)
     save(odometry_figure(track, flat, log), folder / "odometry.png")
-    save_netcdf(track, folder / "odometry.nc")
-    to_csv(track, folder / "odometry.csv")
+    run = track.assign({name: log[name].variable for name in JOINTS if name in log})
+    run = run.assign_coords({name: log[name].variable for name in ("side", "axis") if name in log.coords})
+    save_netcdf(run, folder / "odometry.nc")
+    to_csv(run.drop_vars(["twist_covariance", "pose_covariance"]), folder / "odometry.csv")
     files = [folder / f"odometry.{kind}" for kind in ("png", "nc", "csv")]
     try:
-        joints = {name: log[name].variable for name in JOINTS if name in log}
-        write_mcap(track.assign(joints), rover, folder / "odometry.mcap", force=True)
-    except RockerbogieError as error:  # without the ros extra there is no bag, and all the rest
+        write_mcap(rover, run, folder / "odometry.mcap", force=True)
+    except RockerbogieError as error:  # without the ros extra: all files but the bag
         Console(stderr=True).print(str(error), highlight=False, markup=False)
         return files
     return [*files, folder / "odometry.mcap"]
@@ -187,6 +245,8 @@ def _print_summary(rover: str, log: str, summary: dict[str, Any]) -> None:
         table.add_row(label, *cells)
     console.print(table)
     left = summary["odometry"]["3-D"]
+    x, y, z = left["end_sigma"]
+    console.print(f"expected error of the 3-D end: {x:.2f} m in x, {y:.2f} m in y, {z:.2f} m in z (standard deviations)")
     console.print(
         f"the wheels disagree by {1e3 * left['roll_slip_rms']:.1f} mm/s along and {1e3 * left['side_slip_rms']:.1f} mm/s "
         "across their way (RMS): slip that shows; what all of them slip alike does not"

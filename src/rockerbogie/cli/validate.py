@@ -1,4 +1,4 @@
-"""`rockerbogie validate`: how the rover lies by the model and by its own log."""
+"""Command `rockerbogie validate`: attitudes by the terrain model and by a log."""
 
 from __future__ import annotations
 
@@ -64,43 +64,45 @@ def validate(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Predicted against logged attitude: the rover settled where a log says it stood.
+    """Compare predicted with logged attitudes: settle the rover at the positions of a log.
 
-    Prints pitch and roll, logged and predicted, place by place, with a band for all that is not known of place and ground;
-    then RMS, bias, median error, correlation, and how many logged values the band holds that it was not fitted on. With
-    -o it writes validation.png, validation.csv and validation.nc. The waypoints of Curiosity and the drives of Perseverance
-    that docs/validation.md names, and a CSV of `rockerbogie drive`, need no mapping.
+    Prints pitch and roll, logged and predicted, place by place, with a band for the uncertainty of position and terrain;
+    then RMS, bias, median error, correlation, and the share of logged values, not used in the fit, inside the band. Rows with
+    missing values are left out and counted. With -o it writes validation.png, validation.csv and validation.nc.
+    The waypoints of Curiosity and the drives of Perseverance that docs/validation.md names, and a CSV of `rockerbogie drive`,
+    need no mapping.
 
     Parameters
     ----------
     terrain
         The terrain model: a raster file (GeoTIFF and others), or surface:NAME.
     log
-        A CSV with a line of heads.
+        A CSV with a header line; commas, semicolons or tabs between columns.
     rover
         A preset's name, or a rover file.
     mapping
-        A TOML file that says what the log's columns are: frame, origin, [columns], [units].
+        A TOML file with the meaning of the log's columns: frame, origin, [columns], [units].
     column
-        One of them: --column pitch=-nose_up_deg; may be repeated, and overrules. A minus turns the sign; the unit is read from
-        the head's [deg] or its ending. Known: place, x, y, roll, pitch, yaw, steering_LF and so on.
+        One column: --column pitch=-nose_up_deg; may be repeated, and takes precedence over the mapping. A minus turns the
+        sign; the unit is read from [deg] in the header or the name's ending. Roles: place, x, y, roll, pitch, yaw, steering_LF
+        and so on, and quaternion=qx,qy,qz,qw.
     frame
         Axes of the log's attitude. enu: x forward, y left, z up over east, north, up, nose down positive. ned: x forward, y
         right, z down over north, east, down: nose up positive, yaw clockwise from north.
     origin
-        Where the log's x and y count from, x,y in the terrain's metres.
+        Origin of the log's x and y: x,y in the terrain's metres.
     position_sigma
         Standard deviation of the logged x and of y, m.
     height_sigma
         Standard deviation of the model's heights, m.
     level
-        Share of values that the band is to hold.
+        Share of values that the band contains.
     draws
-        Grounds drawn a place; 0 for no band.
+        Terrains drawn per place; 0 for no band.
     seed
-        Of the draws.
+        Seed of the draws.
     linear
-        Bilinear ground between the nodes, or a smooth cubic surface. Default: linear for files, which swings less with their
+        Bilinear terrain between the nodes, or a smooth cubic surface. Default: linear for files, which swings less with their
         errors.
     output
         Folder for picture and data.
@@ -115,7 +117,7 @@ def validate(
     ground = load_terrain(terrain, True if linear is None and not terrain.startswith(SURFACE) else linear, raster)
     places = read_places(log, machine, _mapping(log, mapping, column or [], frame, origin))
     with progress() as bar:
-        task = bar.add_task("settling on drawn grounds" if draws else "settling", total=1.0)
+        task = bar.add_task("settling on drawn terrains" if draws else "settling", total=1.0)
         found = compare_with_log(
             machine, ground, places, position_sigma=position_sigma, height_sigma=height_sigma, level=level, draws=draws,
             seed=seed, progress=lambda done, total: bar.update(task, completed=done, total=total),
@@ -132,7 +134,7 @@ def validate(
 def _mapping(
     log: FilePath, file: FilePath | None, pairs: list[str], frame: Literal["enu", "ned"] | None, origin: str | None
 ) -> LogMap | None:
-    """The file's mapping, or that of a known log, with what the flags say over it; nothing where neither says anything."""
+    """Return the mapping of file, known log and flags, the last first; `None` if there is none."""
     if file is None and not pairs and frame is None and origin is None:
         return None
     told = LogMap.from_toml(file) if file is not None else known_log(log) or LogMap({}, name="--column")
@@ -143,7 +145,7 @@ def _mapping(
             raise RockerbogieError(
                 f"--column {pair!r} is no pair: give what it is, =, and the log's name, as in pitch=-pitch_deg"
             )
-        columns[role.strip()] = theirs.strip()
+        columns[role.strip()] = tuple(theirs.split(",")) if role.strip() == "quaternion" else theirs.strip()
     if not columns:
         raise RockerbogieError("--frame and --origin belong to columns that are named: add --mapping or --column")
     start = told.origin if origin is None else parse_point(origin, "--origin")
@@ -151,7 +153,7 @@ def _mapping(
 
 
 def _first_rows(found: xr.Dataset) -> xr.Dataset:
-    """One row a place."""
+    """Return one row per place."""
     if "stand" not in found:
         return found
     return found.isel(row=np.unique(found["stand"].to_numpy(), return_index=True)[1])
@@ -213,6 +215,9 @@ def _print(found: xr.Dataset) -> None:
     places, band = _first_rows(found), "low" in found
     told = found.attrs
     rows = f"{told['rows']} rows" + (f" at {told['places']} places" if band and told["places"] != told["rows"] else "")
+    for note in str(told.get("notes", "")).split("\n"):
+        if note:
+            console.print(f"note: {told.get('log', 'the log')}: {note}", markup=False)
     console.print(f"[bold]{told['rover']}[/] on [bold]{told['terrain']}[/] by {told.get('log', 'a log')}: {rows}, degrees")
     every = -(-places.sizes["row"] // MOST_PRINTED)
     table = Table(box=box.SIMPLE, padding=(0, 0), pad_edge=False, collapse_padding=True)
@@ -258,7 +263,7 @@ def _print_summary(console: Console, found: xr.Dataset, band: bool) -> None:
         table.add_row(*cells, *((f"{100 * float(c['coverage']):.0f} %",) if band else ()))
     console.print(table)
     if told["settled"] < told["rows"]:
-        console.print(f"{told['rows'] - told['settled']} rows did not settle and do not count; validation.csv tells their status")
+        console.print(f"{told['rows'] - told['settled']} rows did not settle and do not count; validation.csv has their status")
     if band:
         console.print(
             f"the {100 * told['level']:.0f} % band holds {100 * float(found['coverage'].mean()):.0f} % of the values it was not "

@@ -1,107 +1,78 @@
-"""ROS 2 bags in MCAP files: joint states and IMU in; a whole run out, for Foxglove and `ros2 bag`. Needs the `ros` extra."""
+"""Runs as ROS 2 bags in MCAP files, for Foxglove and `ros2 bag`."""
 
 from __future__ import annotations
 
 import shutil
 import tempfile
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import RockerbogieError
+from ..errors import RockerbogieError, expect
 from ..outputs import SOURCE, check_outputs
-from ..rotations import body_transform, quaternion_angles
+from ..rotations import body_transform
 from ..rover.formats import to_urdf
 from ..rover.formats.export_tree import tree_of
-from ..rover.model import Rover
+from ..rover.model import LOAD_ROVER, Rover
+from .bag import IMU, JOINT_STATE, ODOMETRY
+from .channels import ATTITUDE, seconds_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
 Array = NDArray[np.float64]
 
-JOINT_STATE, IMU, ODOMETRY = "sensor_msgs/msg/JointState", "sensor_msgs/msg/Imu", "nav_msgs/msg/Odometry"
 TF, STRING = "tf2_msgs/msg/TFMessage", "std_msgs/msg/String"
 WORLD, BODY = "odom", "base_link"
+#: Variance written for what no sensor measures.
+UNMEASURED = 1e9
 
 
-def read_bag(file: Path) -> dict[str, dict[str, Array]]:
-    """What joint states and IMU in a bag hold: topic -> column -> (n,) values, `time` (s) among them.
-
-    Joint positions stand under the joint's name, velocities under the name and `.rate`; of an IMU `roll`, `pitch`, `yaw`
-    and `gyro_x` … where it gives them.
-
-    Raises:
-        RockerbogieError: no rosbags installed, or not a bag.
-    """
-    readers = _rosbags()
-    topics: dict[str, list[dict[str, float]]] = {}
-    try:
-        with readers.AnyReader([file]) as bag:
-            wanted = [c for c in bag.connections if c.msgtype in (JOINT_STATE, IMU)]
-            for connection, stamp, raw in bag.messages(connections=wanted):
-                message: Any = bag.deserialize(raw, connection.msgtype)
-                header = message.header.stamp
-                time = header.sec + 1e-9 * header.nanosec or 1e-9 * stamp
-                row = _joint_row(message) if connection.msgtype == JOINT_STATE else _imu_row(message)
-                topics.setdefault(connection.topic, []).append({"time": time} | row)
-    except (readers.AnyReaderError, OSError, ValueError, KeyError) as error:
-        raise RockerbogieError(f"{file.name} cannot be read as a ROS 2 bag: {' '.join(str(error).split())}") from None
-    return {topic: _columns(rows) for topic, rows in topics.items()}
-
-
-def _joint_row(message: Any) -> dict[str, float]:
-    row = dict(zip(message.name, map(float, message.position), strict=False))
-    return row | {f"{name}.rate": float(v) for name, v in zip(message.name, message.velocity, strict=False)}
-
-
-def _imu_row(message: Any) -> dict[str, float]:
-    row: dict[str, float] = {}
-    if message.angular_velocity_covariance[0] >= 0:  # -1 is ROS's way to say: not measured
-        row |= {f"gyro_{k}": float(getattr(message.angular_velocity, k)) for k in "xyz"}
-    q = message.orientation
-    if message.orientation_covariance[0] >= 0 and abs(q.x**2 + q.y**2 + q.z**2 + q.w**2 - 1) < 0.01:
-        row["roll"], row["pitch"], row["yaw"] = quaternion_angles(q.w, q.x, q.y, q.z)
-    return row
-
-
-def _columns(rows: list[dict[str, float]]) -> dict[str, Array]:
-    names = dict.fromkeys(name for row in rows for name in row)
-    return {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
-
-
-def write_mcap(run: xr.Dataset, rover: Rover, file: str | Path, *, force: bool = False) -> None:
+def write_mcap(rover: Rover | xr.Dataset, run: xr.Dataset | Rover, file: str | Path, *, force: bool = False) -> None:
     """Write a run as an MCAP file of ROS 2 messages that Foxglove and `ros2 bag` open.
 
-    Topics: `/joint_states` (JointState), `/imu` (Imu), `/odom` (Odometry), `/tf` (odom → base_link → every link) and
-    `/robot_description` (the URDF, latched). Frames are ROS's own: x forward, y left, z up.
+    Topics: `/joint_states` (JointState of the joints that the run has), `/imu` (Imu), `/odom` (Odometry), `/tf` (odom →
+    base_link → every link) and `/robot_description` (the URDF, latched). Frames are ROS's own: x forward, y left, z up.
+    `/odom` has the covariances of a run of `odometry`; 0 otherwise.
 
     Args:
-        run: from `drive`, `simulate` or `odometry`: at least `x y z roll pitch yaw` over `time`; the joints it has.
+        rover: the rover of the run. `write_mcap(run, rover, file)` works too and is deprecated.
+        run: from `drive`, `simulate` or `odometry`: at least `x y z roll pitch yaw` over `time` (s from 0, or dates); the
+            joints it has.
         file: ends in .mcap; replaced if this package wrote it.
         force: replace a file that this package did not write.
 
     Raises:
-        RockerbogieError: no rosbags installed, or the file cannot be written.
+        RockerbogieError: no rosbags installed, a run without poses, times that ROS cannot hold, or a file that cannot be
+            written.
     """
     from scipy.spatial.transform import Rotation
 
+    rover, run = _ordered(rover, run)
+    stamps = _stamps(run)
     check_outputs([file], force=force)
     bags = _rosbags()
     store = bags.get_typestore(bags.Stores.ROS2_HUMBLE)
     make = _Messages(store)
-    time = np.asarray(run["time"], dtype=float)
-    pose = {name: np.asarray(run[name].values, dtype=float) for name in ("x", "y", "z", "roll", "pitch", "yaw")}
+    time = 1e-9 * (stamps - stamps[0])
+    missing = [name for name in ("x", "y", "z", *ATTITUDE) if name not in run]
+    if missing:
+        raise RockerbogieError(f"the run has no {missing[0]}: an MCAP file needs x, y, z, roll, pitch and yaw over time")
+    pose = {name: np.asarray(run[name].values, dtype=float) for name in ("x", "y", "z", *ATTITUDE)}
     R = body_transform(0, 0, 0, pose["roll"], pose["pitch"], pose["yaw"])[:, :3, :3]
-    place = np.stack([pose[k] for k in "xyz"], axis=-1)
-    known = np.isfinite(place).all(axis=1) & np.isfinite(R).all(axis=(1, 2))
+    position = np.stack([pose[k] for k in "xyz"], axis=-1)
+    known = np.isfinite(position).all(axis=1) & np.isfinite(R).all(axis=(1, 2))
+    if not known.any():
+        raise RockerbogieError("the run has no row with a pose (all are NaN): there is nothing to write")
     quaternion = np.full((len(time), 4), np.nan)
     quaternion[known] = Rotation.from_matrix(R[known]).as_quat()
-    twist = _twist(time, place, R)
+    twist = _twist(time, position, R)
+    pose_covariance, twist_covariance = _covariance(run, "pose_covariance"), _covariance(run, "twist_covariance")
     angle, rate = _joints(run, rover, time)
-    joints = tree_of(rover).joints
+    joints, measured = tree_of(rover).joints, [name for name in angle if _has(run, name)]
     with tempfile.TemporaryDirectory() as folder:
         bag = Path(folder) / "run"
         with bags.Writer(bag, version=bags.Writer.VERSION_LATEST, storage_plugin=bags.StoragePlugin.MCAP) as writer:
@@ -119,18 +90,20 @@ def write_mcap(run: xr.Dataset, rover: Rover, file: str | Path, *, force: bool =
             def send(topic: str, stamp: int, message: Any) -> None:
                 writer.write(topics[topic], stamp, store.serialize_cdr(message, topics[topic].msgtype))
 
-            send("/robot_description", round(1e9 * time[0]), make.String(data=f"{to_urdf(rover)}<!-- {SOURCE} -->\n"))
+            send("/robot_description", int(stamps[0]), make.String(data=f"{to_urdf(rover)}<!-- {SOURCE} -->\n"))
             for k in np.flatnonzero(known):
-                stamp = round(1e9 * time[k])
+                stamp = int(stamps[k])
                 now, speed = ({name: values[k] for name, values in table.items()} for table in (angle, rate))
                 links = [
                     make.transform(stamp, joint.parent, joint.child, joint.T[:3, 3], _about(joint.axis, now[name]))
                     for name, joint in joints.items()
                 ]
-                body = make.transform(stamp, WORLD, BODY, place[k], quaternion[k])
-                send("/joint_states", stamp, make.joint_state(stamp, now, speed))
+                body = make.transform(stamp, WORLD, BODY, position[k], quaternion[k])
+                if measured:
+                    send("/joint_states", stamp, make.joint_state(stamp, {name: now[name] for name in measured}, speed))
                 send("/imu", stamp, make.imu(stamp, quaternion[k], twist[k, 3:]))
-                send("/odom", stamp, make.odometry(stamp, place[k], quaternion[k], twist[k]))
+                odometry = make.odometry(stamp, position[k], quaternion[k], twist[k], pose_covariance[k], twist_covariance[k])
+                send("/odom", stamp, odometry)
                 send("/tf", stamp, make.TFMessage(transforms=[body, *links]))
         written = next(bag.glob("*.mcap"))
         try:
@@ -139,21 +112,73 @@ def write_mcap(run: xr.Dataset, rover: Rover, file: str | Path, *, force: bool =
             raise RockerbogieError(f"cannot write {str(file)!r}: {error.strerror}") from None
 
 
-def _twist(time: Array, place: Array, R: Array) -> Array:
-    """Twist (n, 6) in the body frame of poses over time."""
-    v = np.einsum("nji,nj->ni", R, np.gradient(place, time, axis=0))
+def _ordered(rover: object, run: object) -> tuple[Rover, xr.Dataset]:
+    """Return rover and run, which older calls give in the other order."""
+    import xarray as xr
+
+    if isinstance(rover, xr.Dataset) and isinstance(run, Rover):
+        warnings.warn(
+            "write_mcap(run, rover, file) is deprecated: call write_mcap(rover, run, file)", DeprecationWarning, stacklevel=3
+        )
+        rover, run = run, rover
+    expect(rover, Rover, "rover", LOAD_ROVER)
+    if not isinstance(run, xr.Dataset) or "time" not in run.variables:
+        raise RockerbogieError(f"run is {run!r:.60}, not a Dataset over time: make one with rockerbogie.drive")
+    return rover, run  # type: ignore[return-value]
+
+
+def _stamps(run: xr.Dataset) -> NDArray[np.int64]:
+    """Return the times of a run in ns; raise if ROS stamps cannot hold them."""
+    values = np.atleast_1d(run["time"].values)
+    if values.dtype.kind in "mM":
+        stamps = values.astype(f"{values.dtype.kind}8[ns]").astype(np.int64)
+    else:
+        seconds = seconds_of(values, str(run["time"].attrs.get("units", "")), "the run")
+        if not np.isfinite(seconds).all():
+            raise RockerbogieError("time in the run has missing values: drop those rows")
+        stamps = np.array([round(1e9 * v) for v in seconds.tolist()], dtype=object)
+    if not len(stamps):
+        raise RockerbogieError("the run has no rows: there is nothing to write")
+    if min(stamps) < 0 or max(stamps) >= 2**31 * 10**9:
+        raise RockerbogieError(
+            f"time in the run is from {1e-9 * min(stamps):.10g} to {1e-9 * max(stamps):.10g} s; ROS stamps hold 0 to 2^31 s: "
+            "add an offset"
+        )
+    stamps = stamps.astype(np.int64)
+    if (np.diff(stamps) <= 0).any():
+        k = int(np.argmin(np.diff(stamps)))
+        raise RockerbogieError(f"time in the run does not grow after row {k + 1}: sort it, and drop duplicates")
+    return np.asarray(stamps)
+
+
+def _covariance(run: xr.Dataset, name: str) -> Array:
+    """Return the covariance (n, 36) of a run: 0 if absent, `UNMEASURED` if infinite."""
+    n = run.sizes["time"]
+    if name not in run:
+        return np.zeros((n, 36))
+    values = np.asarray(run[name].values, dtype=float).reshape(n, 36)
+    return np.where(np.isnan(values), 0.0, np.clip(values, -UNMEASURED, UNMEASURED))
+
+
+def _twist(time: Array, position: Array, R: Array) -> Array:
+    """Return the twist (n, 6) in the body frame of poses over time; 0 for a single pose."""
+    if len(time) < 2:
+        return np.zeros((len(time), 6))
+    v = np.einsum("nji,nj->ni", R, np.gradient(position, time, axis=0))
     W = np.swapaxes(R, 1, 2) @ np.gradient(R, time, axis=0)
     return np.concatenate([v, np.stack([W[:, 2, 1], W[:, 0, 2], W[:, 1, 0]], axis=-1)], axis=-1)
 
 
 def _joints(run: xr.Dataset, rover: Rover, time: Array) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Angles and rates (n,) of every joint of the rover's description; 0 where the run has none."""
+    """Return angles and rates (n,) of every joint; 0 for those that the run does not have."""
     n = len(time)
 
     def channel(name: str, *width: int) -> Array:
         return np.asarray(run[name].values, dtype=float) if name in run else np.zeros((n, *width))
 
     rocker, bogie, steering, spin = channel("rocker"), channel("bogie", 2), channel("steering", 6), channel("wheel_rate", 6)
+    if "wheel_rate" not in run and "wheel_angle" in run and n > 1:
+        spin = np.gradient(channel("wheel_angle", 6), time, axis=0)
     step = np.diff(time, prepend=time[0])[:, None]
     turned = np.cumsum(np.nan_to_num(0.5 * (spin + np.roll(spin, 1, axis=0))) * step, axis=0)
     rolled = channel("wheel_angle", 6) if "wheel_angle" in run else turned
@@ -164,20 +189,26 @@ def _joints(run: xr.Dataset, rover: Rover, time: Array) -> tuple[dict[str, Array
         "bogie_right_joint": bogie[:, 1],
     }
     angle |= {f"steer_{name}_joint": steering[:, i] for i, name in enumerate(rover.wheel_names) if rover.steers[i]}
-    rate = {name: np.gradient(values, time) for name, values in angle.items()}
+    rate = {name: np.gradient(values, time) if n > 1 else np.zeros(n) for name, values in angle.items()}
     angle |= {f"wheel_{name}_joint": rolled[:, i] for i, name in enumerate(rover.wheel_names)}
     rate |= {f"wheel_{name}_joint": spin[:, i] for i, name in enumerate(rover.wheel_names)}
     return angle, rate
 
 
+def _has(run: xr.Dataset, joint: str) -> bool:
+    """Return True if the run has the angle or the rate of a joint."""
+    kind = joint.partition("_")[0]
+    return any(name in run for name in {"steer": ("steering",), "wheel": ("wheel_angle", "wheel_rate")}.get(kind, (kind,)))
+
+
 def _about(axis: Array | None, angle: float) -> Array:
-    """Quaternion (x, y, z, w)."""
+    """Return the quaternion (x, y, z, w) of a turn about an axis, rad."""
     a = np.zeros(3) if axis is None else axis
     return np.array([*(np.sin(angle / 2) * a), np.cos(angle / 2)])
 
 
 class _Messages:
-    """Builds ROS messages from numbers."""
+    """Builder of ROS messages from numbers."""
 
     def __init__(self, store: Any) -> None:
         self.types = store.types
@@ -216,31 +247,30 @@ class _Messages:
             linear_acceleration_covariance=unmeasured,
         )
 
-    def odometry(self, stamp: int, at: Array, q: Array, twist: Array) -> Any:
-        place = self.Point(x=float(at[0]), y=float(at[1]), z=float(at[2]))
-        pose = self.PoseWithCovariance(pose=self.Pose(position=place, orientation=self.quaternion(q)), covariance=np.zeros(36))
+    def odometry(self, stamp: int, at: Array, q: Array, twist: Array, pose_covariance: Array, twist_covariance: Array) -> Any:
+        point = self.Point(x=float(at[0]), y=float(at[1]), z=float(at[2]))
+        pose = self.PoseWithCovariance(pose=self.Pose(position=point, orientation=self.quaternion(q)), covariance=pose_covariance)
         moving = self.Twist(linear=self.vector(twist[:3]), angular=self.vector(twist[3:]))
         return self.Odometry(
             header=self.header(stamp, WORLD),
             child_frame_id=BODY,
             pose=pose,
-            twist=self.TwistWithCovariance(twist=moving, covariance=np.zeros(36)),
+            twist=self.TwistWithCovariance(twist=moving, covariance=twist_covariance),
         )
 
 
 class _Rosbags:
-    """The few names we use of the rosbags library."""
+    """Names of the rosbags library that are used here."""
 
     def __init__(self) -> None:
-        from rosbags import highlevel, interfaces, rosbag2, typesys
+        from rosbags import interfaces, rosbag2, typesys
 
-        self.AnyReader, self.AnyReaderError = highlevel.AnyReader, highlevel.AnyReaderError
         self.Writer, self.StoragePlugin = rosbag2.Writer, rosbag2.StoragePlugin
         self.get_typestore, self.Stores = typesys.get_typestore, typesys.Stores
         self.interfaces = interfaces
 
     def qos(self, *, latched: bool) -> Any:
-        """Reliable, the last ten kept; latched ones reach who comes late."""
+        """Return the quality of service: reliable; latched topics keep 1 message."""
         i = self.interfaces
         never = i.QosTime(2**63 // 10**9, 2**63 % 10**9)
         return i.Qos(

@@ -1,4 +1,4 @@
-"""Predicted against logged attitude, with a band that says how far apart they may be. docs/validation.md has the reasons."""
+"""Predicted and logged attitude, and a band for their difference (docs/validation.md)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ..settling.status import Status
 from ..settling.uncertainty import FACTORS, Doubt, fit_factors, interval_score, limits, sample, stands
 from ..terrain.heightfield import Terrain
 from ..terrain.roughness import missing_roughness
-from .attitude_log import LogMap, read_places
+from .attitude_log import LARGEST, LogMap, read_places
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 CHANNELS = ("pitch", "roll")
-#: A model's height error is correlated over this many cells: the window that stereo matching looks through.
+#: Correlation length of a model's height error, cells: the window of stereo matching.
 ERROR_CELLS = 3.0
 
 
@@ -45,22 +45,26 @@ def validate(
     progress: Callable[[int, int], object] | None = None,
     advance: Callable[[float], object] | None = None,
 ) -> xr.Dataset:
-    """Settle the rover where a log says it stood, and hold its pitch and roll against the logged ones.
+    """Settle the rover at a log's positions; compare its pitch and roll with the logged ones.
 
-    The band about a prediction holds the share `level` of what the attitude may be, for all that is not known: the place
+    The band about a prediction contains the share `level` of the possible attitudes, given three uncertainties: the position
     (`position_sigma`), the terrain model's height error (`height_sigma`), and the relief below its grid, which is
-    the model's own roughness carried on to shorter waves. The rover is settled on `draws` grounds drawn from these. How
-    large the drawn relief is has one free factor, fitted for each place on the *other* places alone, those more than `apart`
-    away; so `coverage` is of values that no band was fitted on. A place with none to learn from gets the factor 1.
+    the model's own roughness extrapolated to shorter waves. The rover is settled on `draws` terrains drawn from these. The
+    drawn relief has one free factor, fitted for each place on the *other* places alone, those more than `apart` away: no
+    value in `coverage` was fitted. A place without such others has the factor 1.
 
     Args:
+        rover: the rover of the log.
+        terrain: the terrain model.
         log: a CSV (see `read_places`), or a Dataset over one dim with x, y (m), roll, pitch, yaw (rad, our signs), and if
             known steering (..., wheel). Positions are of the body's reference point, in the terrain's frame.
-        mapping: the CSV's columns, where they are not known.
+        mapping: the meaning of the CSV's columns, if the log is of no known kind.
         position_sigma: standard deviation of x and of y, m.
-        height_sigma: of the model's heights, m; correlated over 3 cells.
-        draws: grounds a place; 0 for no band.
-        seed: of the draws: the same seed, the same bands.
+        height_sigma: standard deviation of the model's heights, m; correlated over 3 cells.
+        level: share of the possible attitudes that a band contains, between 0 and 1.
+        apart: distance beyond which places are independent, m.
+        draws: terrains per place; 0 for no band.
+        seed: seed of the draws; the same seed gives the same bands.
         progress: called with (steps done, steps in all).
         advance: deprecated: called with the share done, 0 to 1; use progress.
 
@@ -69,10 +73,10 @@ def validate(
         `median_absolute_error`, `correlation`, `spread` (standard deviation of the logged). With a band also: `low`, `high`,
         `inside`, `factor` (row); `coverage`, `coverage_unfitted` (with the factor 1) over `channel`; `explained` (source,
         channel), the standard deviation that each source alone makes. `stand` (row) numbers the places: rows that hardly
-        move are one, and band and coverage count each once. `status` (row) tells why a prediction is nan.
+        move are one, and band and coverage count each once. `status` (row) gives the reason for NaN predictions.
 
     Raises:
-        RockerbogieError: a log that cannot be read, or lies off the terrain; sizes that cannot be.
+        RockerbogieError: a log that cannot be read, or lies off the terrain; angles beyond π/2; sizes out of range.
     """
     expect(rover, Rover, "rover", LOAD_ROVER)
     expect(terrain, Terrain, "terrain", "make one with rockerbogie.Terrain.from_raster")
@@ -87,7 +91,7 @@ def validate(
         raise RockerbogieError(
             f"the rover settles at none of the log's {len(x)} rows ({Status(int(pose.status[0])).name} at the first): the log "
             f"spans ({x.min():.10g}, {y.min():.10g}) to ({x.max():.10g}, {y.max():.10g}) m, the map ({xmin:.10g}, {ymin:.10g}) "
-            f"to ({xmax:.10g}, {ymax:.10g}); check which columns are x and y, and what they count from"
+            f"to ({xmax:.10g}, {ymax:.10g}); check which columns are x and y, and their origin"
         )
     found = _compared(places, predicted, logged, pose.status)
     found.attrs |= {"rover": rover.name, "terrain": terrain.name, "source": f"rockerbogie {__version__} validate"}
@@ -142,15 +146,21 @@ def _check(position_sigma: float, height_sigma: float, level: float, apart: floa
 
 
 def _arranged(log: xr.Dataset) -> xr.Dataset:
-    """The log over `row`, with a steering and a label for every row."""
+    """Return the log over `row`, with a steering and a label for every row."""
     for name in ("x", "y", "roll", "pitch", "yaw"):
         if name not in log:
             raise RockerbogieError(f"the log has no {name}; it has {', '.join(map(str, log.variables))}")
         if log[name].ndim != 1 or log[name].dims != log["x"].dims:
             raise RockerbogieError(f"{name} in the log lies over {log[name].dims}; give one value a row")
-        if not np.isfinite(log[name]).all():
-            row = int(np.argmin(np.isfinite(log[name].to_numpy())))
+        values = log[name].to_numpy()
+        if not np.isfinite(values).all():
+            row = int(np.argmin(np.isfinite(values)))
             raise RockerbogieError(f"{name} in the log is not finite in row {row + 1}: fill it, or drop that row")
+        if name in ("roll", "pitch") and len(values) and np.abs(values).max() > LARGEST:
+            row = int(np.argmax(np.abs(values)))
+            raise RockerbogieError(
+                f"{name} in the log is {values[row]:.4g} rad in row {row + 1}, beyond π/2: convert degrees to radians"
+            )
     (dim,) = log["x"].dims
     if log.sizes[dim] == 0:
         raise RockerbogieError("the log has no rows: there is nothing to compare")
@@ -164,7 +174,7 @@ def _arranged(log: xr.Dataset) -> xr.Dataset:
 
 
 def _compared(places: xr.Dataset, predicted: Array, logged: Array, status: NDArray[np.uint8]) -> xr.Dataset:
-    """Rows and what they come to, channel by channel; rows that did not settle do not count."""
+    """Return rows and statistics by channel; rows that did not settle do not count."""
     error = predicted - logged
     known = np.isfinite(error).all(axis=1)
     e, p, v = error[known], predicted[known], logged[known]
@@ -185,7 +195,7 @@ def _compared(places: xr.Dataset, predicted: Array, logged: Array, status: NDArr
         "status": ("row", status, {"units": "1", "long_name": "status code, see rockerbogie.Status"}),
     }
     found = places[["place", "x", "y", "yaw"]].assign_coords(channel=list(CHANNELS)).assign(data)
-    told = {name: places.attrs[name] for name in ("log", "mapping", "place_is") if name in places.attrs}
+    told = {name: places.attrs[name] for name in ("log", "mapping", "place_is", "left_out", "notes") if name in places.attrs}
     found.attrs = {**told, "rows": len(error), "settled": int(known.sum())}
     return found
 
@@ -193,7 +203,7 @@ def _compared(places: xr.Dataset, predicted: Array, logged: Array, status: NDArr
 def _with_band(
     found: xr.Dataset, first: NDArray[np.int64], stand: NDArray[np.int64], bands: Array, factor: Array, alone: dict[str, Array]
 ) -> xr.Dataset:
-    """Bands (places, factors, 2, channel) at each place's own factor, carried to its rows about their own predictions."""
+    """Add bands (places, factors, 2, channel) at each place's factor to its rows."""
     import xarray as xr
 
     predicted, logged = found["predicted"].to_numpy(), found["logged"].to_numpy()
@@ -202,9 +212,7 @@ def _with_band(
     plain = bands[:, np.searchsorted(FACTORS, 1.0)]
     judged = np.isfinite(ends).all(axis=(1, 2))
     if not judged.any():
-        raise RockerbogieError(
-            "around no place is enough ground known to draw a band: load more of it, or ask for none (draws 0)"
-        )
+        raise RockerbogieError("no place has enough terrain around it for a band: load more of it, or set draws to 0")
     inside = (low <= logged) & (logged <= high)
     unfitted = (plain[:, 0] <= logged[first]) & (logged[first] <= plain[:, 1])
     rad = {"units": "rad"}
@@ -219,6 +227,6 @@ def _with_band(
         coverage_unfitted=("channel", unfitted[judged].mean(axis=0), {"units": "1", "long_name": "the same with factor 1"}),
         explained=xr.DataArray(
             np.sqrt([np.nanmean(v, axis=0) for v in alone.values()]), {"source": list(alone)}, ("source", "channel"),
-            attrs=rad | {"long_name": "standard deviation that this alone makes"},
+            attrs=rad | {"long_name": "standard deviation by this source alone"},
         ),
     )  # fmt: skip
