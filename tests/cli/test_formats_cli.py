@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import rockerbogie as rb
+from rockerbogie import rotations
 from rockerbogie.cli import main
 from rockerbogie.rover.formats import presets
 from support import foreign
@@ -164,6 +165,24 @@ def test_exports_a_world(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert (np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])[:, 2] > 0).all(), "seen from above"
     assert main(["export", "sawppy", "--to", "world", "-o", str(tmp_path / "w"), "-t", "surface:paper"]) == 0
     assert "needs ground" in refused(capsys, "export", "sawppy", "--to", "world", "-o", str(tmp_path / "w"))
+
+
+@pytest.mark.parametrize("at", ["4,2", "-3,5"])
+def test_a_world_starts_outside_the_rocks(at: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With the joints at 0, as Gazebo starts, no point of a wheel's rim is in the terrain."""
+    assert main(["export", "curiosity", "--to", "world", "-o", str(tmp_path), "-t", "surface:mars", f"--at={at}"]) == 0
+    capsys.readouterr()
+    model = ElementTree.parse(tmp_path / "world.sdf").getroot().find("world/model[@name='curiosity']")
+    assert model is not None
+    x, y, z, roll, pitch, yaw = (float(v) for v in (model.findtext("pose") or "").split())
+    rover, terrain = rb.load_rover("curiosity"), rb.surfaces.mars()
+    T = rotations.body_transform(x, y, z, roll, pitch, yaw) @ rb.wheel_frames(rover, 0.0, (0.0, 0.0))
+    turn, across = np.meshgrid(np.linspace(0, 2 * np.pi, 200), np.linspace(-0.5, 0.5, 41))
+    rim = np.stack([0.25 * np.cos(turn), 0.4 * across, 0.25 * np.sin(turn), np.ones_like(turn)], axis=-1)
+    points = np.einsum("wij,abj->wabi", T, rim)
+    height = points[..., 2] - terrain.height(points[..., 0], points[..., 1])
+    assert height.min() > 0, "outside the terrain"
+    assert height.min() < 0.03, "just above it"
 
 
 def test_bad_calls(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

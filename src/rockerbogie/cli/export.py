@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -16,7 +17,7 @@ from .rasters import Raster, load_terrain
 
 Format = Literal["urdf", "sdf", "mjcf", "toml", "world"]
 ENDINGS: dict[Format, str] = {"urdf": ".urdf", "sdf": ".sdf", "mjcf": ".xml", "toml": ".toml"}
-#: The rover is let go this far above where it settles, m.
+#: Height of the rover's start in a world above its settled pose, or above contact with its joints at 0, m.
 DROP = 0.02
 
 
@@ -75,8 +76,10 @@ def export(
         pose = settle(machine, ground, x, y, np.radians(yaw))
         if not np.isfinite(pose.z):
             raise RockerbogieError(f"the rover finds no rest at ({x:g}, {y:g}) m: give another place with --at")
-        stance = (x, y, float(pose.z) + DROP, float(pose.roll), float(pose.pitch), float(pose.yaw))
-        for file in write_world(make_folder(output), machine, ground.origin, ground.spacing, ground.z, stance):
+        straight = replace(pose, q=pose.q * (1, 1, 1, 0, 0, 0))  # a world starts with the joints at 0
+        depth = min(0.0, float(np.nanmin([*straight.gap, straight.clearance])))
+        start = (x, y, float(pose.z) - depth + DROP, float(pose.roll), float(pose.pitch), float(pose.yaw))
+        for file in write_world(make_folder(output), machine, ground.origin, ground.spacing, ground.z, start):
             print(file)
         return
     if chosen == "mjcf":
