@@ -47,7 +47,7 @@ def check_outputs(outputs: Iterable[str | Path], inputs: Iterable[str | Path] = 
         RockerbogieError: an output is an input, lies in an input folder, is a folder, is named twice, was not written by
             this package (without `force`), or cannot be written.
     """
-    read = [Path(name) for name in inputs if os.path.lexists(name)]
+    read = [path for name in inputs for path in _files_of(os.fspath(name))]
     seen: set[str] = set()
     for path in map(Path, outputs):
         _check_not_input(path, read)
@@ -65,6 +65,15 @@ def check_outputs(outputs: Iterable[str | Path], inputs: Iterable[str | Path] = 
                     f"{str(file)!r} exists and {_why(file)}: give another output name, or --force (force=True) to replace it"
                 )
         _check_writable(path)
+
+
+def _files_of(name: str) -> list[Path]:
+    """Return the existing file of an input: itself, or the one in GDAL's name (netcdf:f.nc:z)."""
+    if os.path.lexists(name):
+        return [Path(name)]
+    parts = [re.sub(r"^(/vsi[a-z0-9]+/)+", "", part) for part in re.split(r"[:\"]", name)]
+    found = [next((p for p in (Path(part), *Path(part).parents) if p.is_file()), None) for part in parts if part]
+    return [path for path in found if path is not None]
 
 
 def sidecars(path: Path) -> list[Path]:

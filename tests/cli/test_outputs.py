@@ -303,3 +303,11 @@ def test_public_functions_keep_files_of_other_programs(name: str, tmp_path: Path
 def test_two_outputs_of_one_name(tmp_path: Path) -> None:
     with pytest.raises(rb.RockerbogieError, match="written twice"):
         check_outputs([tmp_path / "a.png", tmp_path / "b" / ".." / "a.png"])
+
+
+def test_a_file_inside_a_gdal_name_is_an_input(tmp_path: Path) -> None:
+    file = tmp_path / "heights.nc"
+    file.write_bytes(b"CDF")
+    for name in (f"netcdf:{file}:z", f'NETCDF:"{file}":z', f"/vsigzip/{file}", f"/vsizip/{file}/inner/dem.tif"):
+        with pytest.raises(rb.RockerbogieError, match="input"):
+            check_outputs([file], [name], force=True)
