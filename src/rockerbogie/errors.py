@@ -19,7 +19,7 @@ class TerrainError(RockerbogieError):
 
 
 class TerrainWarning(UserWarning):
-    """Terrain whose file is doubtful: undeclared missing data, zeros beside cliffs, coarse steps, a stretched projection."""
+    """Warning of a doubtful terrain file: missing data, coarse steps, stretched map."""
 
 
 class PathError(RockerbogieError):

@@ -45,7 +45,7 @@ CALL = ("--rover", "osr", "--headings", "8", "--limits", "none", "--tilt", "12",
 def test_an_undeclared_fill_value_is_missing_data(
     dem: Path, whole: xr.Dataset, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """In commands that read a file whole and in the one that reads it by windows, with one line on stderr."""
+    """In commands that read files whole or by windows, with one line on stderr."""
     spoilt = tmp_path / "spoilt.tif"
     with rasterio.open(dem) as raster:
         z, profile = raster.read(1), raster.profile

@@ -1,4 +1,4 @@
-"""Made-up ground is what its words say: the paper's sizes, bounds of slope and curvature, and the laws of Mars."""
+"""Surfaces: the paper's sizes, bounds of slope and curvature, and the laws of Mars."""
 
 from __future__ import annotations
 

@@ -67,7 +67,7 @@ def test_linear_is_bilinear() -> None:
 
 
 def test_cubic_bends_without_a_jump_across_grid_lines() -> None:
-    """Value, slope and curvature agree on both sides of every grid line; the third derivative does jump."""
+    """Value, slope and curvature agree on both sides of every grid line."""
     terrain = rb.Terrain.from_array(rough(4), (0.3, 0.7))
     rng = np.random.default_rng(0)
     step = 1e-9
@@ -268,7 +268,7 @@ def test_what_a_mask_hides_is_unknown_ground() -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_replacing_heights_makes_a_new_surface(kind: Any) -> None:
-    """Arrays for the kernels are derived from the fields: they cannot be passed, and follow every change."""
+    """Arrays for the kernels follow every change, and cannot be passed."""
     terrain = rb.Terrain.from_array(rough(1), 0.3, (5.0, 7.0), kind, crs="EPSG:32633", name="old")
     changed = replace(terrain, z=rough(2) + 40.0, origin=(6.0, 7.0))
     fresh = rb.Terrain.from_array(rough(2) + 40.0, 0.3, (6.0, 7.0), kind, crs="EPSG:32633", name="old")

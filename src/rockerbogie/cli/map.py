@@ -200,6 +200,9 @@ def _layers(text: str | None, *, summaries_only: bool) -> list[str] | None:
         text: "tilt,clearance", or None.
         summaries_only: keep no layer of single headings, as the output does not hold them.
 
+    Returns:
+        Names of layers, or None.
+
     Raises:
         RockerbogieError: a name that is no layer, or a layer that the output does not hold.
     """

@@ -58,6 +58,9 @@ def load_terrain(name: str, linear: bool | None, raster: RasterOptions | None = 
         linear: True for bilinear, False for cubic; None: cubic for files, a surface's own default for surfaces.
         raster: options of the file.
 
+    Returns:
+        The terrain.
+
     Raises:
         TerrainError: no such file or surface; a file that is no height field; raster options for a surface.
     """
@@ -87,6 +90,9 @@ def raster_or_surface(name: str, linear: bool | None, raster: RasterOptions | No
         linear: as `load_terrain`.
         raster: options of the file.
 
+    Returns:
+        A terrain in memory, or the name of a file.
+
     Raises:
         TerrainError: as `load_terrain`.
     """
@@ -102,6 +108,9 @@ def parse_bounds(text: str | None, option: str) -> Bounds | None:
     Args:
         text: "xmin,ymin,xmax,ymax".
         option: its name, for the error.
+
+    Returns:
+        Four numbers, m, or None.
 
     Raises:
         RockerbogieError: not four numbers.

@@ -27,6 +27,8 @@ LENGTHS = {
     "meter": 1.0,
     "unknown": 1.0,
     "unitless": 1.0,
+    "unspecified": 1.0,
+    "none": 1.0,
     "km": 1e3,
     "kilometre": 1e3,
     "kilometer": 1e3,
@@ -80,6 +82,8 @@ def unit_length(name: str) -> float | None:
     """
     plain = re.sub(r"\(.*?\)|\b(above|over|relative to|wrt)\b.*", "", name.lower())
     plain = " ".join(re.sub(r"[^a-z0-9]+", " ", plain).split())
+    if not plain and name.strip():
+        return None
     return LENGTHS.get(plain, LENGTHS.get(plain.removesuffix("s")))
 
 
@@ -135,7 +139,7 @@ def georeference(crs: Any, name: str) -> Georeference:
     return Georeference(CRS.from_user_input(json.dumps(plain)).to_string(), unit, unit_name, height_unit, plain)
 
 
-def refuse_angles(georeference: Georeference, name: str, x: float, y: float) -> None:
+def refuse_angles(georeference: Georeference, name: str, x: float, y: float, cell: tuple[float, float]) -> None:
     """Raise an error for a CRS that counts in angles.
 
     Args:
@@ -143,18 +147,22 @@ def refuse_angles(georeference: Georeference, name: str, x: float, y: float) -> 
         name: of the file.
         x: centre of the map, in the file's unit.
         y: the same.
+        cell: sides of a cell, in the file's unit.
 
     Raises:
         TerrainError: it is geographic. The message gives a command with a local projection on the file's own body.
     """
     if georeference.unit_name == "degree":
+        metres = math.radians(1) * ellipsoid(georeference.horizontal or {})[0]
         raise TerrainError(
             f"{name} counts in degrees ({_short(georeference)}): reproject it to metres first, with "
-            + warp(name, georeference.horizontal, (x, y))
+            + warp(name, georeference.horizontal, (x, y), (cell[0] * metres * math.cos(math.radians(y)), cell[1] * metres))
         )
 
 
-def check_scale(georeference: Georeference, name: str, x: tuple[float, float], y: tuple[float, float]) -> str | None:
+def check_scale(
+    georeference: Georeference, name: str, x: tuple[float, float], y: tuple[float, float], cell: tuple[float, float]
+) -> str | None:
     """Compare lengths on the map with lengths on the body.
 
     Args:
@@ -162,6 +170,7 @@ def check_scale(georeference: Georeference, name: str, x: tuple[float, float], y
         name: of the file, for errors.
         x: west and east edge of the part that is read, m.
         y: south and north edge, m.
+        cell: sides of a cell, m.
 
     Returns:
         A sentence for a warning if lengths differ by more than `SCALE_NOTE`; None if not, or for a CRS without a body.
@@ -180,7 +189,7 @@ def check_scale(georeference: Georeference, name: str, x: tuple[float, float], y
     if worst > MAX_SCALE_ERROR:
         raise TerrainError(
             f"a metre on the ground is {low:.4g} to {high:.4g} m in the projection of {name}, so slopes would be wrong: "
-            f"reproject it first, with {warp(name, georeference.horizontal, centre)}"
+            f"reproject it first, with " + warp(name, georeference.horizontal, centre, (min(cell) / high, min(cell) / low))
         )
     if worst > SCALE_NOTE:
         wrong = math.degrees(worst * math.sin(math.radians(15)) * math.cos(math.radians(15)))
@@ -255,13 +264,19 @@ def ellipsoid(geographic: dict[str, Any]) -> tuple[float, float]:
     return major, number("semi_minor_axis") if "semi_minor_axis" in body else major * (1 - 1 / number("inverse_flattening"))
 
 
-def warp(name: str, horizontal: dict[str, Any] | None, centre: tuple[float, float] | None) -> str:
-    """Return the `gdalwarp` command that turns a file north up, and reprojects it to a local stereographic projection.
+def warp(
+    name: str, horizontal: dict[str, Any] | None, centre: tuple[float, float] | None, cell: tuple[float, float] | None = None
+) -> str:
+    """Return the `gdalwarp` command that corrects a file: north up, in a local projection.
 
     Args:
         name: of the file.
         horizontal: PROJ JSON of its horizontal CRS, or None.
         centre: longitude and latitude of the map's centre, degrees; None: keep the projection, or leave it to the user.
+        cell: least and greatest true side of a cell, m. Cells must not become larger, as gdalwarp's cubic kernel then ripples.
+
+    Returns:
+        A command line that writes new.tif in 32-bit floats, with NaN where data is missing.
     """
     target = ""
     if horizontal is not None and centre is not None:
@@ -273,13 +288,16 @@ def warp(name: str, horizontal: dict[str, Any] | None, centre: tuple[float, floa
         if major > 0:
             lon, lat = centre
             target = f"-t_srs '+proj=stere +lat_0={lat:.6g} +lon_0={lon:.6g} {body}' "
+            if cell is not None:
+                side = max(min(cell), 0.5 * max(cell))
+                target += f"-tr {side:.4g} {side:.4g} "
     elif horizontal is not None:
         target = "-t_srs EPSG:CODE "
-    return f"gdalwarp -r cubic -ot Float32 -dstnodata nan {target}{name} new.tif"
+    return f"gdalwarp -r cubic -et 0 -ot Float32 -dstnodata nan {target}{name} new.tif"
 
 
 def _components(crs: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return the parts of a CRS without their datum shifts: horizontal, then vertical if there is one."""
+    """Return the parts of a CRS without datum shifts: horizontal, then vertical if any."""
     if crs.get("type") == "BoundCRS":
         return _components(crs["source_crs"])
     if crs.get("type") == "CompoundCRS":
@@ -288,7 +306,7 @@ def _components(crs: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _unit(holder: dict[str, Any]) -> tuple[str, float, bool]:
-    """Return name, size (m or rad) and True for an angle, of the unit of an axis or a value in PROJ JSON."""
+    """Return name, size (m or rad) and True for an angle, of a unit in PROJ JSON."""
     unit = holder.get("unit", "metre")
     if isinstance(unit, dict):
         return str(unit.get("name")), float(unit["conversion_factor"]), unit.get("type") == "AngularUnit"

@@ -25,7 +25,7 @@ SUSPECT = frozenset({-99999.0, -32768.0, -32767.0, -9999.0, 9999.0, 99999.0})
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Terrain:
-    """A height field. Make one with `Terrain.from_array`, `Terrain.from_raster` or `rockerbogie.surfaces`.
+    """A height field: made by `from_array`, `from_raster` or `rockerbogie.surfaces`.
 
     `z[row, col]` is the height at (x0 + col·dx, y0 + row·dy); NaN is missing data. A cell is known if every node that its
     surface depends on is known: its four corners (linear), or those and the ring around them (cubic).
@@ -79,7 +79,7 @@ class Terrain:
         return f"<div>{escape(repr(self))}<table>{cells}</table></div>"
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore a pickled terrain. Kernels take writable arrays only, and those that come over a network are not."""
+        """Restore a pickled terrain, with writable arrays for the kernels."""
         for name, value in state.items():
             derived = name in Derived._fields and not value.flags.writeable
             object.__setattr__(self, name, np.array(value) if derived else value)

@@ -33,7 +33,7 @@ def is_labelled(z: Any) -> bool:
 
 
 def read_labelled(z: Any) -> Labelled:
-    """Return heights and grid of a DataArray with dimensions y and x, in either order and direction.
+    """Return heights and grid of a DataArray with dimensions y and x in any order.
 
     Args:
         z: (y, x) or (x, y), and axes of length 1. Its attributes `units` and `_FillValue` are applied.
@@ -58,7 +58,7 @@ def read_labelled(z: Any) -> Labelled:
             f"the DataArray holds values in {z.attrs['units']!r}, which is not a known length: convert it to metres"
         )
     values = np.ma.asarray(values, dtype=float) * height
-    axes = [z.coords.get(name) for name in (cols, rows)]
+    axes = [z.coords[name] if name in z.coords else None for name in (cols, rows)]  # noqa: SIM401  (get() makes up indices)
     if axes[0] is None and axes[1] is None:
         return Labelled(values, None, None, None)
     if axes[0] is None or axes[1] is None or not known:
@@ -120,7 +120,7 @@ def _metric(text: str) -> str | None:
     except RasterioError:
         raise TerrainError(f"the DataArray's CRS cannot be read: {text[:60]!r}") from None
     frame = georeference(crs, "the DataArray")
-    refuse_angles(frame, "the DataArray", 0.0, 0.0)
+    refuse_angles(frame, "the DataArray", 0.0, 0.0, (1.0, 1.0))
     if frame.unit != 1.0:
         raise TerrainError(f"the DataArray's CRS counts in {frame.unit_name}: reproject it to metres first")
     return frame.crs

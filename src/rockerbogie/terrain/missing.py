@@ -1,4 +1,4 @@
-"""Missing data that a file does not declare, and heights in steps: a look at the stored values themselves."""
+"""Search of stored values for undeclared missing data, and for heights in steps."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class Screening:
                 self.sampled += self.rows[-1].size
 
     def _extremes(self, found: NDArray[Any], sign: int) -> set[float]:
-        """Return the lowest (sign 1) or highest (-1) stored values, as far as the next one stands far off."""
+        """Return the lowest (sign 1) or highest (-1) values, until two lie close together."""
         ends: list[float] = []
         pick = np.min if sign > 0 else np.max
         while found.size and len(ends) < KEPT + len(NAMED):
@@ -83,7 +83,7 @@ class Screening:
         return set(ends)
 
     def _add_borders(self, values: NDArray[Any], known: NDArray[np.bool_], value: float) -> None:
-        """Count the pixels of a value, their borders with other values, and the steep ones among these."""
+        """Count the pixels of a value, their borders with others, and the steep borders."""
         same = known & (values == value)
         if not same.any():
             return
@@ -117,7 +117,7 @@ class Screening:
         return tuple(sorted(found))
 
     def _named_alone(self, value: float) -> bool:
-        """Return True if no extreme height that is not itself in `NAMED` lies close to a value of `NAMED`."""
+        """Return True if no extreme height outside `NAMED` lies close to a value of `NAMED`."""
         others = [v for v in self.lowest | self.highest if v not in NAMED]
         return all(abs(v - value) > NEAR * abs(value) for v in others)
 
@@ -155,12 +155,13 @@ class Screening:
         return told
 
     def _step(self, fills: tuple[float, ...]) -> float:
-        """Return the step that all heights are multiples of, m; 0 if there is none or it does not show."""
+        """Return the step that all heights are multiples of, m; 0 if there is none."""
         rows = [row.astype(np.float64) for row in self.rows if not np.isin(row, fills).any()]
         if not rows:
             return 0.0
         values = np.unique(np.concatenate(rows))
-        if not 6 <= len(values) <= self.sampled / 2:
+        fewest = 2 if self.rows[0].dtype.kind in "iu" else 6  # integers are rounded by their type, floats only if it shows
+        if not fewest <= len(values) <= self.sampled / 2:
             return 0.0
         start, least = values[0], float(np.diff(values).min())
         step = float(values[-1] - start) / max(round((values[-1] - start) / least), 1)

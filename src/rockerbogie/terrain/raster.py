@@ -1,4 +1,4 @@
-"""Heights from raster files, north up and in metres: any format that GDAL reads, through rasterio."""
+"""Heights from raster files that GDAL reads, north up and in metres."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ class Raster:
         """
         rows, cols = rows or (0, self.shape[0]), cols or (0, self.shape[1])
         check_grid(self.name, self.shape, self.spacing, self.origin)
-        notes = [check_scale(self.georeference, self.name, *self._edges(rows, cols))]
+        notes = [check_scale(self.georeference, self.name, *self._edges(rows, cols), self.spacing)]
         search = Screening(self.name, self.spacing, self.scale, self.offset)
         step = max(BLOCK // (cols[1] - cols[0]), 2)
         for row in range(rows[0], rows[1], step):
@@ -195,7 +195,7 @@ def open_raster(path: str | Path, band: int = 1, cell: float | None = None) -> R
         if not turned and max(abs(b) * shape[0], abs(d) * shape[1]) > NOISE * min(size):
             raise TerrainError(f"{name} is a rotated grid: turn it north up first, with {warp(name, None, None)}")
         middle = (c + 0.5 * (a * shape[1] + b * shape[0]), f + 0.5 * (d * shape[1] + e * shape[0]))
-        refuse_angles(frame, name, *middle)
+        refuse_angles(frame, name, *middle, size)
         if frame.crs is None and cell is None and max(size) < 1e-3 and abs(middle[0]) <= 360 and abs(middle[1]) <= 90:
             raise TerrainError(
                 f"{name} has no CRS and cells of {size[0]:.3g}, as if it counted in degrees: assign its CRS with gdal_edit.py "
@@ -245,7 +245,7 @@ def read_raster(
 
 
 def locate(path: str | Path) -> str:
-    """Return the absolute path of a file, or the name itself if GDAL takes it as no path (netcdf:file.nc:z, /vsizip/…).
+    """Return the absolute path of a file, or GDAL's name for a raster (netcdf:f.nc:z, /vsizip/…).
 
     Raises:
         TerrainError: no such file.
@@ -259,7 +259,7 @@ def locate(path: str | Path) -> str:
 
 
 def short_name(source: str) -> str:
-    """Return the last part of a path or of GDAL's name for a raster, as "dem.tif" or "file.nc:z"."""
+    """Return the last part of a path or of GDAL's name: "dem.tif", "file.nc:z"."""
     return source.rstrip("/").rsplit("/", 1)[-1] or source
 
 
@@ -290,13 +290,13 @@ def _positions(corner: float, step: float, count: int, first: int, last: int) ->
 
 
 def _is_placed(T: list[float]) -> bool:
-    """Return True if an affine transform (a, b, c, d, e, f) was set. Some drivers leave uninitialised, denormal numbers."""
+    """Return True if a transform was set. Some drivers leave uninitialised, denormal numbers."""
     noise = any(v != 0 and abs(v) < sys.float_info.min for v in T)
     return not noise and all(map(math.isfinite, T)) and T != [1, 0, 0, 0, 1, 0] and T[0] * T[4] - T[1] * T[3] != 0
 
 
 def _with_cell(cell: float, T: list[float], shape: tuple[int, int], frame: Georeference, name: str) -> list[float]:
-    """Return the transform of a file with cells of a given side, its south-west corner at (0, 0)."""
+    """Return the transform for cells of a given side, with the south-west corner at (0, 0)."""
     try:
         side = float(cell)
     except (TypeError, ValueError):
@@ -342,7 +342,7 @@ def _height_unit(file: Any, name: str, band: int, frame: Georeference) -> float:
 
 
 def _label_unit(file: Any) -> str:
-    """Return UNIT of the IMAGE object in a PDS3 label, which GDAL does not pass on; "" if there is none."""
+    """Return UNIT of the IMAGE object in a PDS3 label; "" if there is none."""
     import json
 
     key, value = next(iter(file.tags(ns="json:PDS").items()), ("", ""))
