@@ -220,9 +220,10 @@ def motion(name: str, rover: str) -> Iterator[Item]:
 
 def dataset_items(label: str, data: Any) -> Iterator[Item]:
     """Yield the numbers of a Dataset, variable by variable."""
+    stored = {"distance_3d": "distance", "distance": "distance_horizontal"} if "distance_3d" in data.coords else {}
     for key in (*data.coords, *data.data_vars):
         if data[key].dtype.kind in "fiub":
-            yield f"{label}.{key}", data[key].values
+            yield f"{label}.{stored.get(str(key), key)}", data[key].values
 
 
 def drive(name: str, rover: str) -> Iterator[Item]:

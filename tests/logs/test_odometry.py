@@ -130,3 +130,12 @@ def test_wrong_logs_get_a_sentence():
         odometry(rover, holed)
     with pytest.raises(rb.RockerbogieError, match=r"rocker in the log has shape"):
         odometry(rover, run.assign(rocker=run["bogie"]))
+
+
+def test_distance_is_horizontal_and_distance_3d_is_not() -> None:
+    rover, slope = rb.load_rover("osr"), np.radians(20)
+    path = rb.Path.straight((-1, 0), 0.0, 2.0)
+    run = rb.drive(rover, rb.surfaces.plane(slope, size=20.0), path, speed=0.1, step=0.1)
+    track = rb.odometry(rover, run[["wheel_rate", "steering", "rocker", "bogie", "roll", "pitch", "yaw"]])
+    assert float(track.distance[-1]) == pytest.approx(2.0, abs=1e-9)
+    assert float(track.distance_3d[-1]) == pytest.approx(2.0 / np.cos(slope), abs=1e-9)

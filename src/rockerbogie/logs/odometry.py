@@ -101,7 +101,8 @@ def odometry(
         soil: slip to expect of a slope; needs roll and pitch in the log.
 
     Returns:
-        Dataset over `time`: `x y z roll pitch yaw` (m, rad); `distance` along the way; over the interval that ends there,
+        Dataset over `time`: `x y z roll pitch yaw` (m, rad); `distance` (horizontal) and `distance_3d`, m;
+            over the interval that ends there,
         `twist` (time, component), `contact_angle`, `roll_slip`, `side_slip` (time, wheel); `twist_covariance` (body frame)
         and `pose_covariance` (position and rotation about fixed axes), both 6 x 6. A `LogWarning` is issued if sensors are
         missing or disagree; `attrs["warnings"]` lists them.
@@ -490,9 +491,9 @@ def _pose_covariance(rover: Rover, s: _Sensors, T: Array, motion: Motion) -> Arr
     return P
 
 
-def _path_length(T: Array) -> Array:
-    """Return the length (n + 1,) of the way so far: arcs between poses, m."""
-    chord = np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1)
+def _path_length(T: Array, axes: int = 3) -> Array:
+    """Return the length (n + 1,) of the path so far, m: arcs between poses; `axes` 2 for the horizontal length."""
+    chord = np.linalg.norm(np.diff(T[:, :axes, 3], axis=0), axis=1)
     half = 0.5 * np.linalg.norm(_rotation_vector(np.swapaxes(T[:-1, :3, :3], 1, 2) @ T[1:, :3, :3]), axis=1)
     arc = chord / np.sinc(np.minimum(half, 0.5 * np.pi) / np.pi)
     return np.concatenate([[0.0], np.cumsum(arc)])
@@ -528,7 +529,8 @@ def _dataset(rover: Rover, s: _Sensors, T: Array, motion: Motion, contact_angle:
     }  # fmt: skip
     coords = {
         "time": ("time", s.time, {"units": "s", "long_name": "time"}),
-        "distance": ("time", _path_length(T), {"units": "m", "long_name": "distance along the way"}),
+        "distance": ("time", _path_length(T, 2), {"units": "m", "long_name": "horizontal distance along the path"}),
+        "distance_3d": ("time", _path_length(T), {"units": "m", "long_name": "length of the path in three dimensions"}),
         "wheel": list(rover.wheel_names),
         "component": list(TWIST),
         "component_column": list(TWIST),
