@@ -42,13 +42,14 @@ class WheelCheck:
         return not self.warnings
 
 
-def planar_motion(rover: Rover, wheel_rates: Array, steering: Array) -> tuple[Array, float]:
+def planar_motion(rover: Rover, wheel_rates: Array, steering: Array, without: int | None = None) -> tuple[Array, float]:
     """Compute the planar motion that fits six wheels best, on flat terrain and without slip.
 
     Args:
         rover: the rover.
         wheel_rates: (n, 6) rad/s.
         steering: (n, 6) rad.
+        without: index of a wheel to leave out.
 
     Returns:
         vx, vy (m/s) and yaw rate (rad/s): (n, 3); the RMS residual as a share of the RMS wheel speed.
@@ -59,6 +60,8 @@ def planar_motion(rover: Rover, wheel_rates: Array, steering: Array) -> tuple[Ar
     across = np.stack([-s, c, c * x + s * y], axis=-1)
     A = np.concatenate([along, across], axis=1)
     b = np.concatenate([rover.wheel_radius * wheel_rates, np.zeros_like(wheel_rates)], axis=1)
+    if without is not None:
+        A, b = (np.delete(part, [without, without + 6], axis=1) for part in (A, b))
     normal = np.einsum("nij,nik->njk", A, A)
     v = np.linalg.solve(normal, np.einsum("nij,ni->nj", A, b)[..., None])[..., 0]
     left = b - np.einsum("nij,nj->ni", A, v)
@@ -100,8 +103,14 @@ def check_wheels(rover: Rover, time: Array, wheel_rates: Array, steering: Array)
             found.append(
                 f"{text}; with the sign of {flip} turned it is {100 * best:.0f} %: if that is the cause, add {_options(flip)}"
             )
-        elif residual > MOST_RESIDUAL:
-            found.append(f"{text}: check names, units and signs of wheels and steering")
+        else:
+            alone = [planar_motion(rover, rates, mean, without=i)[1] for i in range(6)]
+            odd = int(np.argmin(alone))
+            if alone[odd] < EXPLAINED * residual:
+                name = rover.wheel_names[odd]
+                found.append(f"{text}; without wheel {name} it is {100 * alone[odd]:.0f} %: check its rate and steering")
+            elif residual > MOST_RESIDUAL:
+                found.append(f"{text}: check names, units and signs of wheels and steering")
     return WheelCheck(yaw, residual, tuple(found))
 
 
