@@ -268,7 +268,7 @@ def _opened(source: str) -> Iterator[Any]:
     """Open a file, and turn rasterio's errors into ours."""
     try:
         import rasterio
-        from rasterio.errors import NotGeoreferencedWarning, RasterioError
+        from rasterio.errors import NotGeoreferencedWarning
     except ImportError:
         raise TerrainError("reading a raster needs rasterio: pip install 'rockerbogie[geo]'") from None
     try:
@@ -276,8 +276,11 @@ def _opened(source: str) -> Iterator[Any]:
             warnings.simplefilter("ignore", NotGeoreferencedWarning)  # `open_raster` raises an error for it
             with rasterio.Env(GDAL_CACHEMAX=CACHE), rasterio.open(source) as file:
                 yield file
-    except (RasterioError, MemoryError) as error:
-        raise TerrainError(f"{source!r} is not a raster that GDAL can read: {error or 'out of memory'}") from None
+    except Exception as error:  # rasterio lets some of GDAL's own errors through, which have no public base class
+        if not (isinstance(error, (MemoryError, UnicodeError)) or type(error).__module__.startswith("rasterio")):
+            raise
+        reason = " ".join(str(error).split()) or "out of memory"
+        raise TerrainError(f"{source!r} is not a raster that GDAL can read: {reason}") from None
 
 
 def _positions(corner: float, step: float, count: int, first: int, last: int) -> Array:
