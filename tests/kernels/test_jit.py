@@ -1,4 +1,4 @@
-"""Compiling: announced to a terminal and to nothing else, once; the collector goes on afterwards. Threads share a batch."""
+"""Compile notice, and parallel loops: every item is computed once, by any number of threads."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ print(gc.isenabled(), len(sincos.signatures) if hasattr(sincos, "signatures") el
 
 
 def first_use(cache: Path, *, terminal: bool) -> tuple[str, str]:
-    """Output and what is said on stderr by a Python that uses a kernel, its compiled kernels kept in `cache`."""
+    """Return stdout and stderr of a process that uses a kernel and the cache folder `cache`."""
     pty = pytest.importorskip("pty", reason="a terminal to say it to")
     env = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "NUMBA_DISABLE_JIT": "0"}
     ours, theirs = pty.openpty()
@@ -39,7 +39,7 @@ def first_use(cache: Path, *, terminal: bool) -> tuple[str, str]:
     while terminal:
         try:
             part = os.read(ours, 4096)
-        except OSError:  # how a terminal on Linux ends
+        except OSError:  # the end of a terminal on Linux
             break
         if not part:
             break
@@ -48,21 +48,21 @@ def first_use(cache: Path, *, terminal: bool) -> tuple[str, str]:
     return done.stdout.decode(), said.decode()
 
 
-def test_compiling_is_announced_to_a_terminal_once(tmp_path: Path) -> None:
+def test_compilation_is_announced_once_on_a_terminal(tmp_path: Path) -> None:
     out, said = first_use(tmp_path, terminal=True)
     assert out.split() == ["True", "1"]
     assert said.count("rockerbogie: compiling kernels for this machine") == 1
-    assert first_use(tmp_path, terminal=True)[1] == "", "what is compiled is kept"
+    assert first_use(tmp_path, terminal=True)[1] == "", "compiled kernels are kept"
 
 
-def test_compiling_says_nothing_where_nobody_watches(tmp_path: Path) -> None:
+def test_compilation_is_not_announced_without_a_terminal(tmp_path: Path) -> None:
     out, said = first_use(tmp_path, terminal=False)
     assert out.split() == ["True", "1"]
     assert said == ""
 
 
 @pytest.mark.parametrize("count", [0, 1, 512, 513, 5000, 100_001])
-def test_every_item_is_done_once_on_any_number_of_threads(count: int) -> None:
+def test_every_item_is_computed_once_by_any_number_of_threads(count: int) -> None:
     for workers in (1, 2, None):
         done = np.zeros(count, dtype=np.int64)
 
@@ -74,7 +74,7 @@ def test_every_item_is_done_once_on_any_number_of_threads(count: int) -> None:
         assert (done == 1).all()
 
 
-def test_what_a_kernel_raises_comes_through_and_ends_the_batch() -> None:
+def test_exception_of_a_kernel_ends_the_batch_and_is_raised() -> None:
     def kernel(start: int, stop: int) -> None:
         if start:
             raise ZeroDivisionError

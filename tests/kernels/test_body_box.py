@@ -1,4 +1,4 @@
-"""The body's box over the ground, against brute force over its three lower faces."""
+"""Body box over terrain, against brute force over its three lower faces."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def bumps(interpolation: str, spacing: float, seed: int) -> rb.Terrain:
 
 @pytest.mark.parametrize("interpolation", ["linear", "cubic"])
 @pytest.mark.parametrize("spacing", [0.1, 0.4, 3.0])
-def test_clearance_is_the_least_over_the_whole_box(interpolation: str, spacing: float) -> None:
+def test_clearance_is_the_minimum_over_the_whole_box(interpolation: str, spacing: float) -> None:
     rover, terrain = rb.load_rover("perseverance"), bumps(interpolation, spacing, 4)
     rng = np.random.default_rng(5)
     n = 60
