@@ -13,8 +13,9 @@ from rockerbogie._kernels.model import linkage, wheel
 from rockerbogie._kernels.model.ground import META_X, META_Y, META_Z
 from rockerbogie._kernels.search.tread import FOUND, least_gap
 from rockerbogie._kernels.search.workspace import WORK_SIZE, lay_out
-from rockerbogie._kernels.simd import bilinear_settle, rim_search
-from rockerbogie._kernels.simd import linkage as lanes
+from rockerbogie._kernels.simd import bilinear_settle, cells
+from rockerbogie._kernels.simd import linkage as simd_linkage
+from rockerbogie._kernels.simd.layout import BILINEAR, BILINEAR_SIZE, CONTACT, LANES, POSE, WHEEL
 from support import oracle
 from support.helpers import paper_rover, random_rover
 
@@ -68,37 +69,37 @@ def test_search_finds_the_least_gap_or_says_that_it_cannot_tell(name: str, kind:
     rng = np.random.default_rng(1)
     q = rng.normal(size=(48, 6)) * 0.15
     q[:, 0] = np.nan_to_num(terrain.height(x, y)) - packed.meta[META_Z] + rover.wheel_radius.max()
-    buffer, S = np.zeros(WORK_SIZE), np.zeros(bilinear_settle.ROUGH_ROWS)
+    buffer, S = np.zeros(WORK_SIZE), np.zeros(BILINEAR_SIZE)
     work = lay_out(buffer)
     linkage.set_hub_offsets(car, np.zeros(6), work.hub_offsets)
     sure = apart = 0
-    for first in range(0, 48, lanes.LANES):
-        for lane in range(lanes.LANES):
+    for first in range(0, 48, LANES):
+        for lane in range(LANES):
             k = first + lane
-            S[lanes.X + lane], S[lanes.Y + lane], S[lanes.CY + lane] = (
+            S[POSE.x + lane], S[POSE.y + lane], S[POSE.yaw + lane] = (
                 x[k] - packed.meta[META_X],
                 y[k] - packed.meta[META_Y],
                 yaw[k],
             )
             for n in range(6):
-                S[lanes.Q + n * lanes.LANES + lane] = q[k, n]
+                S[POSE.q + n * LANES + lane] = q[k, n]
             for i in range(6):
                 for n in range(5):
-                    S[lanes.FX + n * lanes.ALL + i * lanes.LANES + lane] = work.hub_offsets[i, n]
-        lanes.head(S)
-        rim_search.set_home(S, packed.meta)
-        lanes.place_body(S, car)
-        lanes.place_wheels(S, car)
+                    S[WHEEL[n] + i * LANES + lane] = work.hub_offsets[i, n]
+        simd_linkage.set_heading(S)
+        cells.set_home(S, packed.meta)
+        simd_linkage.place_body(S, car)
+        simd_linkage.place_wheels(S, car)
         bilinear_settle.search(S, packed.grid, packed.meta, car, True)
-        for lane in range(lanes.LANES):
+        for lane in range(LANES):
             k = first + lane
             at = x[k] - packed.meta[META_X], y[k] - packed.meta[META_Y], math.cos(yaw[k]), math.sin(yaw[k])
             linkage.forward_kinematics(car, work.hub_offsets, *at, q[k], work.axes, work.pivots, work.wheels)
             for i in range(6):
                 code, _ = least_gap(packed, work.wheels[i], 0.0, 1.0, 0.0, True, -math.inf, work.lowest, work.none)
-                if code == FOUND and S[bilinear_settle.ASTRAY + i * lanes.LANES + lane] == 0.0:
+                if code == FOUND and S[BILINEAR.astray + i * LANES + lane] == 0.0:
                     sure += 1
-                    apart += not abs(S[lanes.GAP + i * lanes.LANES + lane] - work.lowest[wheel.GAP]) < 1e-10
+                    apart += not abs(S[CONTACT.gap + i * LANES + lane] - work.lowest[wheel.GAP]) < 1e-10
     buffer[0] = 0.0
     assert apart == 0
     assert sure > 0.6 * 48 * 6

@@ -17,9 +17,10 @@ from .search.tread import FOUND, least_gap, patches
 from .search.verify_minimum import LEAST
 from .search.workspace import WORK_SIZE, lay_out
 from .simd import bilinear_settle
-from .simd.cubic_newton import sure_step
-from .simd.cubic_settle import BLOCK_SIZE, ROUNDS, VERDICT, load, settle_block
-from .simd.linkage import LANES, LINE, SINE, Q, line_up
+from .simd.cubic_newton import guaranteed_step
+from .simd.cubic_settle import ROUNDS, load, settle_block
+from .simd.layout import BILINEAR, BILINEAR_SIZE, CONTACT, CUBIC, CUBIC_SIZE, LANES, LINE, POSE
+from .simd.linkage import line_up
 from .solve.equilibrium import settle_equilibrium, settle_from_pose
 from .solve.newton import CONVERGED, JOINT_STOP, beyond_stops, settle_contact
 
@@ -36,7 +37,7 @@ def settle_cubic(
 ) -> None:  # fmt: skip
     """Contact mode on cubic ground. x, y, yaw (n,), steering (n, 6) or (1, 6); fills out (n, 6) as linkage's q, and
     status (n,), with UNSETTLED among them."""
-    buffer, block, which = np.empty(WORK_SIZE), np.empty(BLOCK_SIZE + LINE), np.empty(LANES, np.int64)
+    buffer, block, which = np.empty(WORK_SIZE), np.empty(CUBIC_SIZE + LINE), np.empty(LANES, np.int64)
     work, land, car, meta, q, lanes = (
         lay_out(buffer),
         borrow(ground),
@@ -45,7 +46,7 @@ def settle_cubic(
         unowned_view(out),
         line_up(block),
     )
-    sure = sure_step(meta, car)
+    sure = guaranteed_step(meta, car)
     for first in range(start, stop, LANES):
         count = min(LANES, stop - first)
         for l in range(count):
@@ -53,7 +54,7 @@ def settle_cubic(
         load(lanes, car, meta, x, y, yaw, steering, which, count, first == start, work)
         settle_block(lanes, land, car, count, sure, work)
         for l in range(count):
-            store_lane(lanes, l, car, meta, q, status, first + l, lanes[VERDICT + l] == LEAST)
+            store_lane(lanes, l, car, meta, q, status, first + l, lanes[CUBIC.verdict + l] == LEAST)
     buffer[0] = block[0] = 0.0  # their last use: they live till here
 
 
@@ -65,7 +66,7 @@ def settle_linear(
 ) -> None:  # fmt: skip
     """As `settle_cubic`, on linear ground, in the `order` (n,) given. Poses that need more than one round wait until there is a
     block of them."""
-    buffer, block = np.empty(WORK_SIZE), np.empty(bilinear_settle.ROUGH_ROWS + LINE)
+    buffer, block = np.empty(WORK_SIZE), np.empty(BILINEAR_SIZE + LINE)
     which, wait = np.empty(LANES, np.int64), np.empty(2 * LANES, np.int64)
     work, land, car, meta, q, lanes = (
         lay_out(buffer),
@@ -95,18 +96,18 @@ def settle_linear(
                 wait[l] = wait[count + l]
             for l in range(LANES):
                 for n in range(6):
-                    lanes[Q + n * LANES + l] = q[which[min(l, count - 1)], n]
-                    lanes[SINE + n * LANES + l] = 0.0  # where wheels touch, of which nothing of others is to be left
+                    lanes[POSE.q + n * LANES + l] = q[which[min(l, count - 1)], n]
+                    lanes[CONTACT.sine + n * LANES + l] = 0.0  # where wheels touch, of which nothing of others is to be left
         bilinear_settle.settle(lanes, land, car, count, 1 if anew else ROUNDS)
         for l in range(count):
             k = which[l]
-            if anew and lanes[bilinear_settle.FATE + l] == bilinear_settle.SEARCHING:
+            if anew and lanes[BILINEAR.fate + l] == bilinear_settle.SEARCHING:
                 for n in range(6):
-                    q[k, n] = lanes[Q + n * LANES + l]
+                    q[k, n] = lanes[POSE.q + n * LANES + l]
                 wait[waiting] = k
                 waiting += 1
             else:
-                store_lane(lanes, l, car, meta, q, status, k, lanes[bilinear_settle.FATE + l] == bilinear_settle.SETTLED)
+                store_lane(lanes, l, car, meta, q, status, k, lanes[BILINEAR.fate + l] == bilinear_settle.SETTLED)
     buffer[0] = block[0] = 0.0
 
 
@@ -117,7 +118,7 @@ def store_lane(
     """Pose k is what lane l has come to, or UNSETTLED."""
     if settled:
         for n in range(6):
-            q[k, n] = lanes[Q + n * LANES + l]
+            q[k, n] = lanes[POSE.q + n * LANES + l]
         status[k] = JOINT_STOP if beyond_stops(rover, q[k]) else CONVERGED
         q[k, Z] += meta[META_Z]
     else:

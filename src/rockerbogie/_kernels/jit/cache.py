@@ -79,14 +79,27 @@ def is_compiling() -> bool:
 
 
 def is_writable(folder: Path) -> bool:
-    """Return True if a folder is writable, or can be made where it does not exist."""
+    """Return True if a folder is writable, or can be made where it does not exist.
+
+    Args:
+        folder: any path.
+
+    Returns:
+        False if it is a file, or if its nearest existing parent is not writable.
+    """
     while not folder.exists() and folder != folder.parent:
         folder = folder.parent
     return folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)
 
 
 def _remove_oldest(folder: Path) -> None:
-    """Remove the oldest cache folders beside a new, empty one; processes that use them compile again."""
+    """Remove the oldest cache folders beside a new, empty one.
+
+    Processes that still use them compile again.
+
+    Args:
+        folder: the new folder.
+    """
     found = []
     for other in folder.parent.glob(PREFIX + "*"):
         try:
@@ -128,7 +141,14 @@ class KernelCache:
         """Do nothing: a file is valid as long as its key is."""
 
     def _key(self, sig: Any) -> Any:
-        """Return what identifies a compiled kernel among those of a folder: name, signature, code and closure."""
+        """Return what identifies a compiled kernel among those of a folder.
+
+        Args:
+            sig: types of the arguments.
+
+        Returns:
+            Name, signature, hash of its file outside `_kernels`, and hash of its code and closure.
+        """
         code = self._code.co_firstlineno, self._code.co_code, dumps(tuple(cell.cell_contents for cell in self._cells))
         return self._name, sig, self._source, hashlib.sha256(repr(code).encode()).hexdigest()
 
@@ -164,7 +184,9 @@ class KernelCache:
         return None
 
     def take(self, result: Any) -> Any:
-        """Replace a fresh compile result by the form that the cache holds, which `save_overload` then writes.
+        """Replace a fresh compile result by the form that the cache holds.
+
+        `save_overload` then writes that form.
 
         Args:
             result: numba's compile result.

@@ -36,25 +36,59 @@ def _compiled(function: F, **options: Any) -> Any:
 
 
 def _without_value(kind: Any) -> Any:
-    """Return the type of an argument, without the value if it is an integer or a bool literal."""
+    """Return the type of an argument, without the value if it is an integer or a bool literal.
+
+    Args:
+        kind: numba type.
+
+    Returns:
+        The type of all such values, or the same type.
+    """
     literal = isinstance(kind, types.Literal) and isinstance(kind.literal_value, int)  # a bool is an int
     return types.unliteral(kind) if literal else kind  # type: ignore[attr-defined]
 
 
 def njit(function: F) -> F:
-    """Compile a scalar kernel. It runs without Python's global lock, so that threads can share a batch."""
+    """Compile a scalar kernel.
+
+    It runs without Python's global lock, so that threads can share a batch.
+
+    Args:
+        function: Python function in numba's subset.
+
+    Returns:
+        The compiled function.
+    """
     made: F = _compiled(function, nogil=True)
     return made
 
 
 def fma_njit(function: F) -> F:
-    """Compile as `njit`, and let the compiler fuse a product and a sum into one rounding (FMA) where the processor can."""
+    """Compile as `njit`, with fused multiply-add.
+
+    A product and the sum it enters may be rounded once, together, where the processor can.
+
+    Args:
+        function: Python function in numba's subset.
+
+    Returns:
+        The compiled function.
+    """
     made: F = _compiled(function, nogil=True, fastmath={"contract"})
     return made
 
 
 def force_inlined(function: F) -> F:
-    """Compile a kernel whose machine code LLVM inserts into its caller's, where passing its arguments would cost too much."""
+    """Compile a kernel whose machine code LLVM inserts into its caller's.
+
+    It is for kernels for which passing the arguments would cost too much.
+
+    Args:
+        function: Python function in numba's subset.
+
+    Returns:
+        The compiled function.
+    """
     made: F = _compiled(function, nogil=True, forceinline=True)
     return made
 
@@ -63,6 +97,12 @@ def inlined(function: F) -> F:
     """Compile a kernel as part of its caller's source: a small one, or one with a single caller.
 
     LLVM optimises each kernel of a chain of calls again together with all its callees, so a shorter chain compiles faster.
+
+    Args:
+        function: Python function in numba's subset.
+
+    Returns:
+        The compiled function.
     """
     made: F = numba.njit(error_model="numpy", inline="always")(function)
     if not numba.config.DISABLE_JIT:
@@ -74,15 +114,16 @@ Maker = Callable[[type], Callable[..., Any]]
 
 
 def specialize_on_ground(function: Callable[..., Any]) -> Callable[[Maker], Maker]:
-    """Return a decorator that makes compiled calls of `function` depend on the type of the ground, its first argument.
+    """Return a decorator that makes compiled calls depend on the type of the terrain.
 
-    Code for one interpolation is then not compiled for the other. In plain Python, `function` runs as it is written.
+    The terrain is the first argument of `function`. Code for one interpolation is then not compiled for the other.
+    In plain Python, `function` runs as it is written.
 
     Args:
-        function: plain Python function whose first argument is the ground.
+        function: plain Python function whose first argument is the packed terrain.
 
     Returns:
-        A decorator for a function that takes the type of the ground and returns the function to compile.
+        A decorator for a function that takes the type of the terrain and returns the function to compile.
     """
 
     def register(make: Maker) -> Maker:

@@ -22,11 +22,19 @@ class _CompileListener(event.Listener):  # type: ignore[misc]
         self.depth, self.count, self.noticed, self.collects = 0, 0, False, False
 
     def _is_kernel(self, found: event.Event) -> bool:
-        """Return True if an event is about a kernel of this package."""
+        """Return True if an event is about a kernel of this package.
+
+        Args:
+            found: event of the compiler.
+        """
         return isinstance(found.data, dict) and id(found.data.get("dispatcher")) in self.kernels
 
     def on_start(self, found: event.Event) -> None:
-        """Print the notice and pause the garbage collector when the first kernel of a chain of calls is compiled."""
+        """Print the notice and pause the garbage collector, unless a caller's compilation did.
+
+        Args:
+            found: event of the compiler.
+        """
         if not self._is_kernel(found):
             return
         self.depth += 1
@@ -40,7 +48,11 @@ class _CompileListener(event.Listener):  # type: ignore[misc]
         self.noticed = True
 
     def on_end(self, found: event.Event) -> None:
-        """Resume the garbage collector when the chain of calls is compiled."""
+        """Resume the garbage collector when the chain of calls is compiled.
+
+        Args:
+            found: event of the compiler.
+        """
         if not self._is_kernel(found):
             return
         self.depth -= 1
@@ -53,7 +65,11 @@ event.register("numba:compile", _listener)
 
 
 def announce(dispatcher: Any) -> None:
-    """Include a dispatcher in the kernels whose compilation is announced."""
+    """Include a dispatcher in the kernels whose compilation is announced.
+
+    Args:
+        dispatcher: result of `numba.njit`, kept for the life of the process.
+    """
     _listener.kernels.add(id(dispatcher))
 
 

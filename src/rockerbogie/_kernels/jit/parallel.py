@@ -16,10 +16,10 @@ CHUNK_MULTIPLE = 64
 
 
 def parallel_for(kernel: Callable[..., None], count: int, *args: Any) -> None:
-    """Run a batch kernel on items 0 to count − 1, in pieces, on numba's number of threads (see `threads`).
+    """Run a batch kernel on items 0 to count − 1, in pieces, on several threads.
 
-    Each item is computed by itself, so that the result is the same for any number of threads. An exception of the
-    kernel ends the loop and is raised.
+    Their number is numba's (see `threads`). Each item is computed by itself, so that the result is the same for any
+    number of threads. An exception of the kernel ends the loop and is raised.
 
     Args:
         kernel: called as `kernel(*args, start, stop)`; computes items start to stop − 1.

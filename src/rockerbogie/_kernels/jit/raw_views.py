@@ -17,7 +17,11 @@ from numba.extending import intrinsic
 if config.DISABLE_JIT:
 
     def unowned_view(array: Any) -> Any:
-        """Return the array itself: plain Python has no use for a view without reference count."""
+        """Return the array itself: plain Python has no use for a view without reference count.
+
+        Args:
+            array: any array.
+        """
         return array
 
     class _Window:
@@ -33,11 +37,21 @@ if config.DISABLE_JIT:
             return self.array[row, col]
 
     def window(array: Any, row: int, col: int) -> Any:
-        """Return the array, indexed as the part of a larger array that begins at (row, col)."""
+        """Return the array, indexed as the part of a larger array that begins at (row, col).
+
+        Args:
+            array: (m, n) part.
+            row, col: its first indices in the larger array.
+        """
         return _Window(array, row, col) if row or col else array
 
     def node_taker(size: int, lanes: int) -> Callable[..., None]:
-        """Return a function that copies the size × size nodes under each of `lanes` lanes; see the compiled form."""
+        """Return a function that copies grid nodes into the lane array, as the compiled form below.
+
+        Args:
+            size: nodes on each side, 2 or 4.
+            lanes: number of lanes.
+        """
 
         def take(S: Any, column: int, row: int, grid: Any, to: int, apart: int) -> None:
             for l in range(lanes):
@@ -50,9 +64,10 @@ if config.DISABLE_JIT:
 else:
 
     def _unowned_view(typing_context: Any, array: Any) -> Any:
-        """Return a view of an array without a reference count; the owner of the array must outlive the view.
+        """Return a view of an array without a reference count.
 
-        Reference counts are atomic. At a hundred views for each pose they cost as much time as the arithmetic.
+        The owner of the array must outlive the view. Reference counts are atomic. At a hundred views for each
+        pose they cost as much time as the arithmetic.
 
         Args:
             typing_context: unused; numba passes it to every intrinsic.
@@ -70,10 +85,10 @@ else:
     unowned_view = intrinsic(_unowned_view)
 
     def _window(typing_context: Any, array: Any, row: Any, col: Any) -> Any:
-        """Return an unowned view (2 axes), indexed as the part of a larger array that begins at (row, col).
+        """Return an unowned view, indexed as the part of a larger array.
 
-        The address is moved back by (row, col), so that the larger array's indices reach the right elements. Indices
-        outside the part are not checked and must not occur.
+        The array has 2 axes; the part begins at (row, col). The address is moved back by (row, col), so that the larger
+        array's indices reach the right elements. Indices outside the part are not checked and must not occur.
 
         Args:
             typing_context: unused; numba passes it to every intrinsic.
@@ -98,7 +113,7 @@ else:
     _VECTOR = 8  # numbers in the widest registers
 
     def node_taker(size: int, lanes: int) -> Callable[..., None]:
-        """Return a kernel that copies the size × size grid nodes under each lane into rows of the lane array.
+        """Return a kernel that copies the grid nodes under each lane into the lane array.
 
         Lanes lie over different cells, but store the same nodes side by side. Copying one node at a time takes a load and
         a store for each. Loading a lane's whole row of nodes at once and transposing in registers takes less than half the time.

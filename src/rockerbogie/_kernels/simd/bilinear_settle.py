@@ -1,7 +1,7 @@
-"""Wheels on bilinear ground, `LANES` poses at once.
+"""Settling of `LANES` poses at once on bilinear terrain.
 
-Contacts are sought over whole treads, then followed in their cells while Newton moves the pose, and sought again when it has
-settled: if no tread is deeper in the ground elsewhere, that is the pose, and it is proved.
+Contacts are searched over whole treads, then tracked in their cells while Newton's method moves the pose, and searched again
+when it has converged. If no tread has a lower gap elsewhere, the pose is verified.
 """
 
 from __future__ import annotations
@@ -16,150 +16,157 @@ from ..model.ground import META_DX, META_DY, META_NX, META_NY, Ground
 from ..model.linkage import P_HALF, P_HUB, P_PIVOT, P_RADIUS
 from ..model.tolerances import GAP_TIE
 from ..solve.newton import NEARLY, TOLERANCE, WIDEST
-from .linkage import (
-    ACTIVE,
-    ALL,
-    AZ,
-    COSINE,
-    GAP,
-    GX,
-    GY,
-    LANES,
-    OX,
-    OY,
-    OZ,
-    PLACE,
-    SINE,
-    TX,
-    TY,
-    TZ,
-    UZ,
-    VX,
-    VY,
-    Q,
-    X,
-    Y,
-    gap_jacobian,
-    place_body,
-    place_wheels,
-    rows,
-    solve_step,
-    take_step,
-)
-from .rim_search import (
-    CI,
-    CJ,
-    DOUBT,
-    H00,
-    H01,
-    H10,
-    H11,
-    L_COL,
-    L_COSINE,
-    L_GX,
-    L_GY,
-    L_PLACE,
-    L_ROW,
-    L_SINE,
-    LEAST,
-    RIM,
-    corners,
-    follow_rims,
-    no_gap,
-    search_rims,
-    set_home,
-)
-from .tread_search import EDGE_ROWS, SIDE, follow_insides, nodes_under, search_insides, set_treads, take_heights
+from .cells import corners, no_gap, set_home
+from .layout import BILINEAR, CELL, CONTACT, LANES, LOWEST, POSE, RIM, SIDE, SPOT, WHEEL
+from .linkage import gap_jacobian, place_body, place_wheels, solve_step, take_step
+from .rim_search import search_rims, track_rims
+from .tread_nodes import nodes_under, set_treads, take_heights
+from .tread_search import search_insides, track_insides
 from .upper_side import clear_above, clear_here
 
 Array = NDArray[np.float64]
 
-# A wheel: the cell of its contact; 1 where the search could not tell.
-COL, ROW, ASTRAY, _lane = rows(EDGE_ROWS, (ALL,) * 3)
-# A pose: the greatest of its gaps, and what has become of it.
-DEEPEST, FATE, _spot = rows(_lane, (LANES,) * 2)
-# A place that is sounded, from the map's first node; of the tread there and of the ground the height.
-SPOT_X, SPOT_Y, SPOT_Z, SPOT_H, ROUGH_ROWS = rows(_spot, (LANES,) * 4)
-SEARCHING, SETTLED, FAILED = 0.0, 1.0, 2.0
+SEARCHING, SETTLED, FAILED = 0.0, 1.0, 2.0  # states of a lane
 
-FOLLOWED = 4  # steps on contacts that are followed
+TRACKING_STEPS = 4  # Newton steps on tracked contacts, at most, before the next search
+
+# Points of a tread that are evaluated first: under the hub, and around it.
+_AHEAD = (0.0, 0.5, -0.5, 0.85, -0.85)
+SINES = tuple(sine for sine in _AHEAD for _ in range(3))
+COSINES = tuple(math.sqrt(1.0 - sine * sine) for sine in SINES)
+SIDES = (0.0, -1.0, 1.0) * 5
+SAMPLES = len(SINES)
 
 
 @inlined
 def start(lanes: Array, grid: Array, meta: Array, rover: Array) -> None:
-    """Level over the ground, then a step on treads that are sounded at a few points only."""
+    """Place the poses level over the terrain, and take one Newton step.
+
+    For that step, treads are sampled at a few points.
+
+    Args:
+        lanes: the lane array (`layout`).
+        grid: node heights (bilinear) or spline coefficients (cubic), m.
+        meta: the map header.
+        rover: the packed rover.
+
+    Reads:  POSE.x, POSE.y, POSE.cy, POSE.sy, POSE.q, POSE.step, POSE.active, POSE.axes, POSE.right, POSE.rate, WHEEL (all),
+            CONTACT (all), CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, LOWEST (all), HOME (all),
+            BILINEAR.col, BILINEAR.row, BILINEAR.astray, SPOT (all)
+    Writes: POSE.q, POSE.step, POSE.active, POSE.worst, POSE.axes, POSE.right, POSE.rate, WHEEL.lc, WHEEL.ls, WHEEL.bx,
+            WHEEL.bz, WHEEL.br, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz, CONTACT (all),
+            CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, LOWEST (all), HOME (all), BILINEAR.col,
+            BILINEAR.row, BILINEAR.astray, SPOT (all)
+    """
     height = rover[P_RADIUS] - rover[P_HUB + 2] - rover[P_PIVOT + 2]
     for l in range(LANES):
-        lanes[ACTIVE + l], lanes[Q + l] = 1.0, 0.0
-        lanes[Q + LANES + l] = lanes[Q + 2 * LANES + l] = lanes[Q + 3 * LANES + l] = lanes[Q + 4 * LANES + l] = lanes[
-            Q + 5 * LANES + l
-        ] = 0.0
-        lanes[SPOT_X + l], lanes[SPOT_Y + l] = lanes[X + l], lanes[Y + l]
+        lanes[POSE.active + l], lanes[POSE.q + l] = 1.0, 0.0
+        lanes[POSE.q + LANES + l] = lanes[POSE.q + 2 * LANES + l] = lanes[POSE.q + 3 * LANES + l] = lanes[
+            POSE.q + 4 * LANES + l
+        ] = lanes[POSE.q + 5 * LANES + l] = 0.0
+        lanes[SPOT.x + l], lanes[SPOT.y + l] = lanes[POSE.x + l], lanes[POSE.y + l]
     set_home(lanes, meta)
-    ground_under(lanes, grid, meta)
+    terrain_at_spots(lanes, grid, meta)
     for l in range(LANES):
-        h = lanes[SPOT_H + l]
-        lanes[Q + l] = (h if h == h else 0.0) + height  # a hole under the body alone is no matter
+        h = lanes[SPOT.h + l]
+        lanes[POSE.q + l] = (h if h == h else 0.0) + height  # missing data under the body alone does not matter
     place_body(lanes, rover)
     place_wheels(lanes, rover)
     for i in range(6):
         half = rover[P_HALF + i]
         no_gap(lanes)
-        for n in range(1 if half == 0.0 else SOUNDINGS):
+        for n in range(1 if half == 0.0 else SAMPLES):
             s = half * SIDES[n]
-            sound(lanes, rover, i, SINES[n], COSINES[n], s)
-            ground_under(lanes, grid, meta)
+            sample_tread(lanes, rover, i, SINES[n], COSINES[n], s)
+            terrain_at_spots(lanes, grid, meta)
             for l in range(LANES):
-                gap = lanes[SPOT_Z + l] - lanes[SPOT_H + l]
-                if gap < lanes[LEAST + l]:
-                    lanes[LEAST + l], lanes[L_SINE + l], lanes[L_COSINE + l], lanes[L_PLACE + l] = gap, SINES[n], COSINES[n], s
+                gap = lanes[SPOT.z + l] - lanes[SPOT.h + l]
+                if gap < lanes[LOWEST.gap + l]:
+                    lanes[LOWEST.gap + l], lanes[LOWEST.sine + l], lanes[LOWEST.cosine + l], lanes[LOWEST.offset + l] = (
+                        gap,
+                        SINES[n],
+                        COSINES[n],
+                        s,
+                    )
         store_contact(lanes, meta, rover, i, 2.0 * half + 1.0, 0.0)
     gap_jacobian(lanes, rover)
     solve_step(lanes)
     take_step(lanes)
 
 
-# Points of a tread that are sounded first: under the hub, and around it.
-_AHEAD = (0.0, 0.5, -0.5, 0.85, -0.85)
-SINES = tuple(sine for sine in _AHEAD for _ in range(3))
-COSINES = tuple(math.sqrt(1.0 - sine * sine) for sine in SINES)
-SIDES = (0.0, -1.0, 1.0) * 5
-SOUNDINGS = len(SINES)
-
-
 @fma_njit
-def sound(lanes: Array, rover: Array, i: int, sine: float, cosine: float, s: float) -> None:
-    """A point of each tread of wheel i: its place SPOT_X, SPOT_Y and its height SPOT_Z."""
+def sample_tread(lanes: Array, rover: Array, i: int, sine: float, cosine: float, s: float) -> None:
+    """Compute one point of each tread of wheel i.
+
+    Args:
+        lanes: the lane array (`layout`).
+        rover: the packed rover.
+        i: index of the wheel.
+        sine: sin φ.
+        cosine: cos φ.
+        s: position along the axle, m.
+
+    Reads:  POSE.x, POSE.y, POSE.q, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz
+    Writes: SPOT.x, SPOT.y, SPOT.z
+    """
     i = min(max(i, 0), 5)
     u, q = rover[P_RADIUS + i] * sine, rover[P_RADIUS + i] * cosine
     for l in range(LANES):
         k = i * LANES + l
-        vx, vy, az, uz = lanes[VX + k], lanes[VY + k], lanes[AZ + k], lanes[UZ + k]
+        vx, vy, az, uz = lanes[WHEEL.vx + k], lanes[WHEEL.vy + k], lanes[WHEEL.az + k], lanes[WHEEL.uz + k]
         along = s * uz + q * az
-        lanes[SPOT_X + l], lanes[SPOT_Y + l] = (
-            lanes[X + l] + lanes[OX + k] + u * vy + along * vx,
-            lanes[Y + l] + lanes[OY + k] + along * vy - u * vx,
+        lanes[SPOT.x + l], lanes[SPOT.y + l] = (
+            lanes[POSE.x + l] + lanes[WHEEL.ox + k] + u * vy + along * vx,
+            lanes[POSE.y + l] + lanes[WHEEL.oy + k] + along * vy - u * vx,
         )
-        lanes[SPOT_Z + l] = lanes[Q + l] + lanes[OZ + k] + s * az - q * uz
+        lanes[SPOT.z + l] = lanes[POSE.q + l] + lanes[WHEEL.oz + k] + s * az - q * uz
 
 
 @fma_njit
-def ground_under(lanes: Array, grid: Array, meta: Array) -> None:
-    """The ground's height SPOT_H at SPOT_X, SPOT_Y."""
+def terrain_at_spots(lanes: Array, grid: Array, meta: Array) -> None:
+    """Compute the height of the terrain at (SPOT.x, SPOT.y).
+
+    Args:
+        lanes: the lane array (`layout`).
+        grid: node heights (bilinear) or spline coefficients (cubic), m.
+        meta: the map header.
+
+    Reads:  CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, HOME (all), SPOT.x, SPOT.y
+    Writes: CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, SPOT.h
+    """
     over_x, over_y = 1.0 / meta[META_DX], 1.0 / meta[META_DY]
     for l in range(LANES):
-        lanes[CI + l], lanes[CJ + l] = np.floor(lanes[SPOT_X + l] * over_x), np.floor(lanes[SPOT_Y + l] * over_y)
+        lanes[CELL.col + l], lanes[CELL.row + l] = np.floor(lanes[SPOT.x + l] * over_x), np.floor(lanes[SPOT.y + l] * over_y)
     corners(lanes, grid, meta)
     for l in range(LANES):
-        u, v = lanes[SPOT_X + l] * over_x - lanes[CI + l], lanes[SPOT_Y + l] * over_y - lanes[CJ + l]
-        low, high = lanes[H00 + l] + u * (lanes[H01 + l] - lanes[H00 + l]), lanes[H10 + l] + u * (lanes[H11 + l] - lanes[H10 + l])
-        lanes[SPOT_H + l] = low + v * (high - low)
+        u, v = lanes[SPOT.x + l] * over_x - lanes[CELL.col + l], lanes[SPOT.y + l] * over_y - lanes[CELL.row + l]
+        low, high = (
+            lanes[CELL.h00 + l] + u * (lanes[CELL.h01 + l] - lanes[CELL.h00 + l]),
+            lanes[CELL.h10 + l] + u * (lanes[CELL.h11 + l] - lanes[CELL.h10 + l]),
+        )
+        lanes[SPOT.h + l] = low + v * (high - low)
 
 
 @fma_njit
 def store_contact(lanes: Array, meta: Array, rover: Array, i: int, width: float, least: float) -> None:
-    """Keep what was found of wheel i in lanes whose ACTIVE is at least so much. Nearer to the tread's middle than `width` the
-    contact's slope is the tread's, else the ground's."""
+    """Store the contact found for wheel i, in lanes whose POSE.active is at least `least`.
+
+    Nearer to the tread's middle than `width`, the contact's slope is the tread's, else the terrain's.
+
+    Args:
+        lanes: the lane array (`layout`).
+        meta: the map header.
+        rover: the packed rover.
+        i: index of the wheel.
+        width: distance from the middle, m.
+        least: 0: all lanes. 1: active lanes.
+
+    Reads:  POSE.x, POSE.y, POSE.active, WHEEL.ox, WHEEL.oy, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz, CONTACT.sine,
+            CONTACT.cosine, CONTACT.offset, CONTACT.gx, CONTACT.gy, CONTACT.gap, LOWEST (all), BILINEAR.col, BILINEAR.row,
+            BILINEAR.astray
+    Writes: CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.tx, CONTACT.ty, CONTACT.tz, CONTACT.gx, CONTACT.gy,
+            CONTACT.gap, BILINEAR.col, BILINEAR.row, BILINEAR.astray
+    """
     i = min(max(i, 0), 5)
     radius = rover[P_RADIUS + i]
     half = rover[P_HALF + i]
@@ -167,44 +174,78 @@ def store_contact(lanes: Array, meta: Array, rover: Array, i: int, width: float,
     end_x, end_y = (meta[META_NX] - 1.0) * meta[META_DX], (meta[META_NY] - 1.0) * meta[META_DY]
     for l in range(LANES):
         k = i * LANES + l
-        sine, cosine, place, gap, kept = (
-            lanes[L_SINE + l],
-            lanes[L_COSINE + l],
-            lanes[L_PLACE + l],
-            lanes[LEAST + l],
-            lanes[ACTIVE + l] < least,
+        sine, cosine, offset, gap, kept = (
+            lanes[LOWEST.sine + l],
+            lanes[LOWEST.cosine + l],
+            lanes[LOWEST.offset + l],
+            lanes[LOWEST.gap + l],
+            lanes[POSE.active + l] < least,
         )
-        was_sine, was_cosine, was_place, was_gap, was_gx, was_gy, was_col, was_row, was_astray = (
-            lanes[SINE + k], lanes[COSINE + k], lanes[PLACE + k], lanes[GAP + k], lanes[GX + k], lanes[GY + k], lanes[COL +
-            k], lanes[ROW + k], lanes[ASTRAY + k],
-        )  # fmt: skip
-        col, row, gx, gy = lanes[L_COL + l], lanes[L_ROW + l], lanes[L_GX + l], lanes[L_GY + l]
-        vx, vy, az, uz = lanes[VX + k], lanes[VY + k], lanes[AZ + k], lanes[UZ + k]
-        steep, lean, inside = sine / (cosine * uz), az / uz, abs(place) < width
-        gx, gy = (steep * vy + lean * vx if inside else gx), (lean * vy - steep * vx if inside else gy)
-        x, y = lanes[X + l] + lanes[OX + k], lanes[Y + l] + lanes[OY + k]
+        was_sine, was_cosine, was_offset, was_gap, was_gx, was_gy, was_col, was_row, was_astray = (
+            lanes[CONTACT.sine + k],
+            lanes[CONTACT.cosine + k],
+            lanes[CONTACT.offset + k],
+            lanes[CONTACT.gap + k],
+            lanes[CONTACT.gx + k],
+            lanes[CONTACT.gy + k],
+            lanes[BILINEAR.col + k],
+            lanes[BILINEAR.row + k],
+            lanes[BILINEAR.astray + k],
+        )
+        col, row, gx, gy = lanes[LOWEST.col + l], lanes[LOWEST.row + l], lanes[LOWEST.gx + l], lanes[LOWEST.gy + l]
+        vx, vy, az, uz = lanes[WHEEL.vx + k], lanes[WHEEL.vy + k], lanes[WHEEL.az + k], lanes[WHEEL.uz + k]
+        steep, tilt, inside = sine / (cosine * uz), az / uz, abs(offset) < width
+        gx, gy = (steep * vy + tilt * vx if inside else gx), (tilt * vy - steep * vx if inside else gy)
+        x, y = lanes[POSE.x + l] + lanes[WHEEL.ox + k], lanes[POSE.y + l] + lanes[WHEEL.oy + k]
         good = (x > reach) & (x < end_x - reach) & (y > reach) & (y < end_y - reach)
-        astray = 0.0 if good & (lanes[DOUBT + l] >= gap - GAP_TIE) & (abs(gap) < math.inf) else 1.0
-        sine, cosine, place = (was_sine if kept else sine), (was_cosine if kept else cosine), (was_place if kept else place)
-        lanes[SINE + k], lanes[COSINE + k], lanes[PLACE + k], lanes[GAP + k] = sine, cosine, place, (was_gap if kept else gap)
-        lanes[GX + k], lanes[GY + k] = (was_gx if kept else gx), (was_gy if kept else gy)
-        lanes[COL + k], lanes[ROW + k], lanes[ASTRAY + k] = (
-            (was_col if kept else col), (was_row if kept else row), (was_astray if kept else astray),
-        )  # fmt: skip
+        astray = 0.0 if good & (lanes[LOWEST.doubt + l] >= gap - GAP_TIE) & (abs(gap) < math.inf) else 1.0
+        sine, cosine, offset = (was_sine if kept else sine), (was_cosine if kept else cosine), (was_offset if kept else offset)
+        lanes[CONTACT.sine + k], lanes[CONTACT.cosine + k], lanes[CONTACT.offset + k], lanes[CONTACT.gap + k] = (
+            sine,
+            cosine,
+            offset,
+            (was_gap if kept else gap),
+        )
+        lanes[CONTACT.gx + k], lanes[CONTACT.gy + k] = (was_gx if kept else gx), (was_gy if kept else gy)
+        lanes[BILINEAR.col + k], lanes[BILINEAR.row + k], lanes[BILINEAR.astray + k] = (
+            (was_col if kept else col),
+            (was_row if kept else row),
+            (was_astray if kept else astray),
+        )
         u, q = radius * sine, radius * cosine
-        along = place * uz + q * az
-        lanes[TX + k], lanes[TY + k], lanes[TZ + k] = u * vy + along * vx, along * vy - u * vx, place * az - q * uz
+        along = offset * uz + q * az
+        lanes[CONTACT.tx + k], lanes[CONTACT.ty + k], lanes[CONTACT.tz + k] = (
+            u * vy + along * vx,
+            along * vy - u * vx,
+            offset * az - q * uz,
+        )
 
 
 @njit
 def search(lanes: Array, grid: Array, meta: Array, rover: Array, all_round: bool) -> None:
-    """The contacts of all wheels, over the lower sides of their treads; and, `all_round`, whether the rest clears the ground."""
+    """Search the contacts of all wheels over the lower sides of their treads.
+
+    Args:
+        lanes: the lane array (`layout`).
+        grid: node heights (bilinear) or spline coefficients (cubic), m.
+        meta: the map header.
+        rover: the packed rover.
+        all_round: also check that the upper sides clear the terrain.
+
+    Reads:  POSE.x, POSE.y, POSE.q, POSE.active, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz,
+            CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.gx, CONTACT.gy, CONTACT.gap, BOUND (all), RIM (all),
+            COLUMN (all), CELL (all), PIECE (all), LOWEST (all), HOME (all), RIM_PIECES (all), TREAD (all), NODES (all),
+            BILINEAR.col, BILINEAR.row, BILINEAR.astray
+    Writes: CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.tx, CONTACT.ty, CONTACT.tz, CONTACT.gx, CONTACT.gy,
+            CONTACT.gap, BOUND (all), RIM (all), COLUMN (all), CELL (all), PIECE (all), LOWEST (all), RIM_PIECES (all),
+            TREAD (all), NODES (all), BILINEAR.col, BILINEAR.row, BILINEAR.astray
+    """
     for i in range(6):
         half = rover[P_HALF + i]
         no_gap(lanes)
         for side in range(1 if half == 0.0 else 2):
             for l in range(LANES):
-                lanes[RIM + l] = half if side == 0 else -half
+                lanes[RIM.offset + l] = half if side == 0 else -half
             search_rims(lanes, grid, meta, rover, i)
         unclear = 0.0
         if half > 0.0 or all_round:
@@ -221,55 +262,107 @@ def search(lanes: Array, grid: Array, meta: Array, rover: Array, all_round: bool
 
 
 @inlined
-def follow(lanes: Array, grid: Array, meta: Array, rover: Array) -> None:
-    """The contacts of the live lanes' wheels in the cells they were in."""
+def track(lanes: Array, grid: Array, meta: Array, rover: Array) -> None:
+    """Find the contacts of the active lanes' wheels in the cells that they were in.
+
+    Args:
+        lanes: the lane array (`layout`).
+        grid: node heights (bilinear) or spline coefficients (cubic), m.
+        meta: the map header.
+        rover: the packed rover.
+
+    Reads:  POSE.x, POSE.y, POSE.q, POSE.active, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz,
+            CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.gx, CONTACT.gy, CONTACT.gap, BOUND.low, RIM.offset,
+            RIM.p0, RIM.t0, RIM.a, RIM.b, RIM.c, RIM.d, RIM.rho, RIM.zr, RIM.h2, RIM.q2, RIM.over_h, RIM.over_q, RIM.ac,
+            RIM.bd, RIM.e, RIM.swap, RIM.sign, RIM.low_p, RIM.high_p, CELL (all), PIECE (all), LOWEST (all), HOME (all),
+            TREAD.zh, TREAD.cos, TREAD.tan, TREAD.over, TREAD.az, TREAD.u0, TREAD.v0, TREAD.u_x, TREAD.u_y, TREAD.v_x,
+            TREAD.v_y, TREAD.over_x, TREAD.over_y, TREAD.det, TREAD.half, BILINEAR.col, BILINEAR.row, BILINEAR.astray
+    Writes: CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.tx, CONTACT.ty, CONTACT.tz, CONTACT.gx, CONTACT.gy,
+            CONTACT.gap, BOUND.low, RIM (all), CELL (all), PIECE (all), LOWEST (all), TREAD.zh, TREAD.cos, TREAD.tan,
+            TREAD.over, TREAD.az, TREAD.u0, TREAD.v0, TREAD.u_x, TREAD.u_y, TREAD.v_x, TREAD.v_y, TREAD.over_x,
+            TREAD.over_y, TREAD.aside_x, TREAD.aside_y, TREAD.v_low, TREAD.v_high, TREAD.p_0, TREAD.p_uu, TREAD.p_x,
+            TREAD.p_y, TREAD.b_0, TREAD.b_uu, TREAD.b_x, TREAD.b_y, TREAD.col_0, TREAD.row_0, TREAD.col_1, TREAD.row_1,
+            TREAD.det, TREAD.half, TREAD.max_slope_squared, BILINEAR.col, BILINEAR.row, BILINEAR.astray
+    """
     for i in range(6):
         half = rover[P_HALF + i]
         no_gap(lanes)
         for l in range(LANES):
             k = i * LANES + l
-            lanes[RIM + l], lanes[CI + l], lanes[CJ + l] = math.copysign(half, lanes[PLACE + k]), lanes[COL + k], lanes[ROW + k]
-        follow_rims(lanes, grid, meta, rover, i)
+            lanes[RIM.offset + l], lanes[CELL.col + l], lanes[CELL.row + l] = (
+                math.copysign(half, lanes[CONTACT.offset + k]),
+                lanes[BILINEAR.col + k],
+                lanes[BILINEAR.row + k],
+            )
+        track_rims(lanes, grid, meta, rover, i)
         if half > 0.0:
             set_treads(lanes, rover, meta, i)
-            follow_insides(lanes, rover, meta, i)
+            track_insides(lanes, rover, meta, i)
         store_contact(lanes, meta, rover, i, half, 1.0)
 
 
 @fma_njit
-def deepest(lanes: Array) -> None:
-    """Fill DEEPEST; nan where a gap is, or infinite."""
+def largest_gaps(lanes: Array) -> None:
+    """Compute each lane's largest |gap|; NaN if one is NaN or infinite.
+
+    Args:
+        lanes: the lane array (`layout`).
+
+    Reads:  CONTACT.gap, BILINEAR.deepest
+    Writes: BILINEAR.deepest
+    """
     for l in range(LANES):
-        lanes[DEEPEST + l] = 0.0
+        lanes[BILINEAR.deepest + l] = 0.0
     for i in range(6):
         for l in range(LANES):
-            gap, deep = abs(lanes[GAP + i * LANES + l]), lanes[DEEPEST + l]
-            lanes[DEEPEST + l] = max(deep, gap) + 0.0 * (deep + gap)  # max alone would lose a nan
+            gap, deep = abs(lanes[CONTACT.gap + i * LANES + l]), lanes[BILINEAR.deepest + l]
+            lanes[BILINEAR.deepest + l] = max(deep, gap) + 0.0 * (deep + gap)  # max alone would lose a NaN
 
 
 @njit
-def classify_lanes(lanes: Array, proved: bool) -> bool:
-    """What a search says of the lanes that are sought: they are SETTLED if it has `proved` it, FAILED, or ACTIVE. Whether
-    any is."""
-    deepest(lanes)
+def classify_lanes(lanes: Array, verified: bool) -> bool:
+    """Update the state of each lane after a search.
+
+    A lane is SETTLED if its gaps are within TOLERANCE and a search has verified them, FAILED if a gap is not finite, a
+    search could not decide, or an angle is beyond WIDEST; else it stays active.
+
+    Args:
+        lanes: the lane array (`layout`).
+        verified: True if the search was over whole treads at this pose.
+
+    Returns:
+        True if a lane is active.
+
+    Reads:  POSE.q, CONTACT.gap, BILINEAR.astray, BILINEAR.deepest, BILINEAR.fate
+    Writes: POSE.active, BILINEAR.deepest, BILINEAR.fate
+    """
+    largest_gaps(lanes)
     live = False
     for l in range(LANES):
-        if lanes[FATE + l] == SEARCHING:
-            done, lost = proved and lanes[DEEPEST + l] < TOLERANCE, not lanes[DEEPEST + l] < math.inf
+        if lanes[BILINEAR.fate + l] == SEARCHING:
+            done, lost = verified and lanes[BILINEAR.deepest + l] < TOLERANCE, not lanes[BILINEAR.deepest + l] < math.inf
             if done:
                 for i in range(6):
-                    lost |= lanes[ASTRAY + i * LANES + l] != 0.0
+                    lost |= lanes[BILINEAR.astray + i * LANES + l] != 0.0
                 for n in range(1, 6):
-                    lost |= abs(lanes[Q + n * LANES + l]) > WIDEST
-            lanes[FATE + l] = FAILED if lost else (SETTLED if done else SEARCHING)
-        lanes[ACTIVE + l] = 1.0 if lanes[FATE + l] == SEARCHING else 0.0
-        live |= lanes[FATE + l] == SEARCHING
+                    lost |= abs(lanes[POSE.q + n * LANES + l]) > WIDEST
+            lanes[BILINEAR.fate + l] = FAILED if lost else (SETTLED if done else SEARCHING)
+        lanes[POSE.active + l] = 1.0 if lanes[BILINEAR.fate + l] == SEARCHING else 0.0
+        live |= lanes[BILINEAR.fate + l] == SEARCHING
     return live
 
 
 @njit
 def too_fine(meta: Array, rover: Array) -> bool:
-    """Whether more cells lie under a wide wheel than there is room for, as it may stand: then lanes are no help."""
+    """Return True if more nodes may lie under a wheel with width than a lane has room for.
+
+    Args:
+        meta: the map header.
+        rover: the packed rover.
+
+    Returns:
+        True if lanes cannot be used.
+    """
     for i in range(6):
         r, half = rover[P_RADIUS + i], rover[P_HALF + i]
         if half > 0.0 and 2.0 * math.hypot(r, half) > (SIDE - 2.0) * min(meta[META_DX], meta[META_DY]):
@@ -279,10 +372,26 @@ def too_fine(meta: Array, rover: Array) -> bool:
 
 @inlined
 def settle(lanes: Array, ground: Ground, rover: Array, count: int, rounds: int) -> None:
-    """Settle the first `count` lanes from where they are, in so many rounds. FATE says what has become of them."""
+    """Settle the first `count` lanes from their present poses; BILINEAR.fate holds the result.
+
+    Args:
+        lanes: the lane array (`layout`).
+        ground: the packed terrain.
+        rover: the packed rover.
+        count: number of lanes in use, from the first.
+        rounds: number of rounds of tracking and searching, at most.
+
+    Reads:  POSE.x, POSE.y, POSE.cy, POSE.sy, POSE.q, POSE.step, POSE.active, POSE.axes, POSE.right, POSE.rate, WHEEL (all),
+            CONTACT (all), BOUND (all), RIM (all), COLUMN (all), CELL (all), PIECE (all), LOWEST (all), HOME (all),
+            RIM_PIECES (all), TREAD (all), NODES (all), BILINEAR (all)
+    Writes: POSE.q, POSE.step, POSE.active, POSE.worst, POSE.axes, POSE.right, POSE.rate, WHEEL.lc, WHEEL.ls, WHEEL.bx,
+            WHEEL.bz, WHEEL.br, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz, CONTACT (all), BOUND
+            (all), RIM (all), COLUMN (all), CELL (all), PIECE (all), LOWEST (all), HOME (all), RIM_PIECES (all), TREAD
+            (all), NODES (all), BILINEAR (all)
+    """
     grid, _, meta = ground
     for l in range(LANES):
-        lanes[FATE + l] = SEARCHING if l < count else FAILED
+        lanes[BILINEAR.fate + l] = SEARCHING if l < count else FAILED
     set_home(lanes, meta)
     place_body(lanes, rover)
     place_wheels(lanes, rover)
@@ -290,8 +399,8 @@ def settle(lanes: Array, ground: Ground, rover: Array, count: int, rounds: int) 
     for n in range(rounds):
         if not classify_lanes(lanes, n > 0):
             return
-        for _ in range(FOLLOWED):
-            deepest(lanes)
+        for _ in range(TRACKING_STEPS):
+            largest_gaps(lanes)
             gap_jacobian(lanes, rover)
             solve_step(lanes)
             take_step(lanes)
@@ -299,11 +408,11 @@ def settle(lanes: Array, ground: Ground, rover: Array, count: int, rounds: int) 
             place_wheels(lanes, rover)
             live = 0.0
             for l in range(LANES):
-                lanes[ACTIVE + l] = 0.0 if lanes[DEEPEST + l] < NEARLY else lanes[ACTIVE + l]
+                lanes[POSE.active + l] = 0.0 if lanes[BILINEAR.deepest + l] < NEARLY else lanes[POSE.active + l]
             for l in range(LANES):
-                live += lanes[ACTIVE + l]
+                live += lanes[POSE.active + l]
             if live == 0.0:
                 break
-            follow(lanes, grid, meta, rover)
+            track(lanes, grid, meta, rover)
         search(lanes, grid, meta, rover, True)
     classify_lanes(lanes, True)

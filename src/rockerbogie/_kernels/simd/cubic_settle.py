@@ -1,4 +1,4 @@
-"""Poses into the lanes; and a block of them on cubic ground: settled there, and proved one by one."""
+"""Settling of a block of poses on cubic terrain, with verification of every tread; loading of poses into a lane array."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from ..search.tread import SMOOTH
 from ..search.verify_minimum import LEAST, LOWER, UNKNOWN, is_least
 from ..search.workspace import Work
 from ..solve.newton import TOLERANCE
-from . import cubic_newton, linkage
+from .cubic_newton import SMALL, check_converged, iterate, start
+from .layout import CONTACT, CUBIC, LANES, POSE, WHEEL
+from .linkage import place_body, place_wheels, set_heading
 
 Array = NDArray[np.float64]
 
-VERDICT = cubic_newton.SMOOTH_ROWS  # what is proved of a lane: a verdict of search.verify_minimum
-BLOCK_SIZE = VERDICT + linkage.LANES
-ROUNDS = 5  # proofs that may send a lane on from a lower place
+ROUNDS = 5  # verifications after which a lane may be iterated again
 
 
 @inlined
@@ -32,51 +32,88 @@ def load(
     count: int,
     fresh: bool, work: Work,
 ) -> None:  # fmt: skip
-    """Fill a block with the first `count` poses of `which`, the last one again where there is room. Steering that serves all
-    poses is set in a fresh block only."""
-    for l in range(linkage.LANES):
+    """Fill a block with poses.
+
+    Spare lanes repeat the last pose. Steering that is common to all poses is set in a fresh block only.
+
+    Args:
+        lanes: the lane array (`layout`).
+        rover: the packed rover.
+        meta: the map header.
+        x, y: (n,) positions in the terrain's frame, m.
+        yaw: (n,) headings, rad.
+        steering: (n, 6) or (1, 6) steering angles, rad.
+        which: (LANES,) indices of the poses; the first `count` are used.
+        count: number of poses, 1 to LANES.
+        fresh: True for the first block of a lane array.
+        work: scratch memory of this thread.
+
+    Reads:  POSE.yaw
+    Writes: POSE.x, POSE.y, POSE.yaw, POSE.cy, POSE.sy, WHEEL.fx, WHEEL.fy, WHEEL.fz, WHEEL.fc, WHEEL.fs
+    """
+    for l in range(LANES):
         k = which[min(l, count - 1)]
-        lanes[linkage.X + l], lanes[linkage.Y + l] = x[k] - meta[META_X], y[k] - meta[META_Y]
-        lanes[linkage.CY + l] = yaw[k] if abs(yaw[k]) < FAR else 0.0
+        lanes[POSE.x + l], lanes[POSE.y + l] = x[k] - meta[META_X], y[k] - meta[META_Y]
+        lanes[POSE.yaw + l] = yaw[k] if abs(yaw[k]) < FAR else 0.0
         if fresh or steering.shape[0] > 1:
             set_hub_offsets(rover, steering[k if steering.shape[0] > 1 else 0], work.hub_offsets)
             for i in range(6):
-                for n in range(5):
-                    lanes[linkage.FX + n * linkage.ALL + i * linkage.LANES + l] = work.hub_offsets[i, n]
-    linkage.head(lanes)
-    for l in range(linkage.LANES):
+                k = i * LANES + l
+                lanes[WHEEL.fx + k], lanes[WHEEL.fy + k] = work.hub_offsets[i, 0], work.hub_offsets[i, 1]
+                lanes[WHEEL.fz + k] = work.hub_offsets[i, 2]
+                lanes[WHEEL.fc + k], lanes[WHEEL.fs + k] = work.hub_offsets[i, 3], work.hub_offsets[i, 4]
+    set_heading(lanes)
+    for l in range(LANES):
         k = which[min(l, count - 1)]
         if abs(yaw[k]) >= FAR:
-            lanes[linkage.CY + l], lanes[linkage.SY + l] = math.cos(yaw[k]), math.sin(yaw[k])
+            lanes[POSE.cy + l], lanes[POSE.sy + l] = math.cos(yaw[k]), math.sin(yaw[k])
 
 
 @inlined
-def prove(lanes: Array, ground: Ground, rover: Array, l: int, work: Work) -> int:
-    """Whether lane l has settled upright, and that over all treads: LEAST. LOWER where it is to go on: a tread is deeper in
-    the ground elsewhere, which its contact is moved to, or not near enough. UNKNOWN where it is to be settled otherwise."""
-    if lanes[cubic_newton.SOUND + l] == 0.0:
+def verify_lane(lanes: Array, ground: Ground, rover: Array, l: int, work: Work) -> int:
+    """Verify a settled pose over all its treads.
+
+    A tread whose gap is lower elsewhere has its contact moved there. Rims that are sharper than the whole map need no
+    search.
+
+    Args:
+        lanes: the lane array (`layout`).
+        ground: the packed terrain.
+        rover: the packed rover.
+        l: lane.
+        work: scratch memory of this thread.
+
+    Returns:
+        LEAST: verified. LOWER: iterate again, as a gap is lower elsewhere or not yet within TOLERANCE. UNKNOWN: not
+        converged, or not decided.
+
+    Reads:  POSE.x, POSE.y, POSE.q, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz, CONTACT.sine,
+            CONTACT.cosine, CONTACT.offset, CUBIC.sound
+    Writes: CONTACT.sine, CONTACT.cosine, CONTACT.offset
+    """
+    if lanes[CUBIC.sound + l] == 0.0:
         return UNKNOWN
     w, lowest = work.wheels[0], work.lowest
     verdict = LEAST
     for i in range(6):
-        k = i * linkage.LANES + l
+        k = i * LANES + l
         if rover[P_HALF + i] == 0.0 and rover[P_RADIUS + i] * ground[2][META_MAX_CURVATURE] < SMOOTH:
-            continue  # all of the map bends less than this rim
-        vx, vy, az, level = lanes[linkage.VX + k], lanes[linkage.VY + k], lanes[linkage.AZ + k], lanes[linkage.UZ + k]
-        w[wheel.HX], w[wheel.HY] = lanes[linkage.X + l] + lanes[linkage.OX + k], lanes[linkage.Y + l] + lanes[linkage.OY + k]
-        w[wheel.HZ] = lanes[linkage.Q + l] + lanes[linkage.OZ + k]
+            continue  # the whole map curves less than this rim
+        vx, vy, az, level = lanes[WHEEL.vx + k], lanes[WHEEL.vy + k], lanes[WHEEL.az + k], lanes[WHEEL.uz + k]
+        w[wheel.HX], w[wheel.HY] = lanes[POSE.x + l] + lanes[WHEEL.ox + k], lanes[POSE.y + l] + lanes[WHEEL.oy + k]
+        w[wheel.HZ] = lanes[POSE.q + l] + lanes[WHEEL.oz + k]
         w[wheel.AX], w[wheel.AY], w[wheel.AZ], w[wheel.VX], w[wheel.VY] = level * vx, level * vy, az, vx, vy
         w[wheel.EX], w[wheel.EY], w[wheel.UX], w[wheel.UY], w[wheel.UZ] = vy, -vx, -az * vx, -az * vy, level
         w[wheel.COS], w[wheel.TAN], w[wheel.RADIUS], w[wheel.HALF] = level, az / level, rover[P_RADIUS + i], rover[P_HALF + i]
-        sine, cosine, place = lanes[linkage.SINE + k], lanes[linkage.COSINE + k], lanes[linkage.PLACE + k]
-        if abs(gap_at(ground[0], ground[2], w, sine, cosine, place)) > TOLERANCE:
-            verdict = LOWER  # one step more
+        sine, cosine, offset = lanes[CONTACT.sine + k], lanes[CONTACT.cosine + k], lanes[CONTACT.offset + k]
+        if abs(gap_at(ground[0], ground[2], w, sine, cosine, offset)) > TOLERANCE:
+            verdict = LOWER  # take one more step
             continue
-        of_wheel = is_least(ground, w, sine, cosine, place, lowest, work.none)
+        of_wheel = is_least(ground, w, sine, cosine, offset, lowest, work.none)
         if of_wheel == UNKNOWN:
             return UNKNOWN
         if of_wheel == LOWER:
-            lanes[linkage.SINE + k], lanes[linkage.COSINE + k], lanes[linkage.PLACE + k] = (
+            lanes[CONTACT.sine + k], lanes[CONTACT.cosine + k], lanes[CONTACT.offset + k] = (
                 lowest[wheel.SIN],
                 lowest[wheel.COSINE],
                 lowest[wheel.PLACE],
@@ -87,30 +124,50 @@ def prove(lanes: Array, ground: Ground, rover: Array, l: int, work: Work) -> int
 
 @inlined
 def settle_block(lanes: Array, ground: Ground, rover: Array, count: int, sure: float, work: Work) -> None:
-    """Settle the first `count` lanes on cubic ground; sure: `cubic_newton.sure_step`. VERDICT is LEAST for those that are proved;
-    others are to be settled otherwise."""
+    """Settle and verify a block on cubic terrain.
+
+    Lanes whose verdict is not LEAST are left to the scalar solver.
+
+    Args:
+        lanes: the lane array (`layout`).
+        ground: the packed terrain.
+        rover: the packed rover.
+        count: number of lanes in use, from the first.
+        sure: `cubic_newton.guaranteed_step`.
+        work: scratch memory of this thread.
+
+    Reads:  POSE.x, POSE.y, POSE.cy, POSE.sy, POSE.q, POSE.step, POSE.active, POSE.worst, POSE.axes, POSE.right, POSE.rate,
+            WHEEL (all), CONTACT (all), CUBIC.u, CUBIC.v, CUBIC.col, CUBIC.row, CUBIC.coef, CUBIC.h, CUBIC.hxx, CUBIC.hxy,
+            CUBIC.hyy, CUBIC.turn, CUBIC.astray, CUBIC.sound, CUBIC.verdict, CELL.col, CELL.row, CELL.h00, CELL.h01,
+            CELL.h10, CELL.h11, LOWEST (all), HOME (all), BILINEAR.col, BILINEAR.row, BILINEAR.astray, SPOT (all)
+    Writes: POSE.q, POSE.step, POSE.active, POSE.worst, POSE.axes, POSE.right, POSE.rate, WHEEL.lc, WHEEL.ls, WHEEL.bx,
+            WHEEL.bz, WHEEL.br, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz, CONTACT (all),
+            CUBIC.u, CUBIC.v, CUBIC.col, CUBIC.row, CUBIC.coef, CUBIC.h, CUBIC.hxx, CUBIC.hxy, CUBIC.hyy, CUBIC.turn,
+            CUBIC.astray, CUBIC.sound, CUBIC.verdict, CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, LOWEST
+            (all), HOME (all), BILINEAR.col, BILINEAR.row, BILINEAR.astray, SPOT (all)
+    """
     grid, _, meta = ground
-    for l in range(linkage.LANES):
-        lanes[linkage.ACTIVE + l] = 1.0 if l < count else 0.0
-    cubic_newton.start(lanes, grid, meta, rover)
-    if sure > 0.0:  # wherever a rim touches, that is its only place
-        cubic_newton.settle(lanes, grid, meta, rover, sure)
-        cubic_newton.standing(lanes)
-        for l in range(linkage.LANES):
-            lanes[VERDICT + l] = LEAST if lanes[cubic_newton.SOUND + l] == 1.0 else UNKNOWN
+    for l in range(LANES):
+        lanes[POSE.active + l] = 1.0 if l < count else 0.0
+    start(lanes, grid, meta, rover)
+    if sure > 0.0:  # each wheel touches at one point only
+        iterate(lanes, grid, meta, rover, sure)
+        check_converged(lanes)
+        for l in range(LANES):
+            lanes[CUBIC.verdict + l] = LEAST if lanes[CUBIC.sound + l] == 1.0 else UNKNOWN
         return
-    for l in range(linkage.LANES):
-        lanes[VERDICT + l] = LOWER if l < count else UNKNOWN
+    for l in range(LANES):
+        lanes[CUBIC.verdict + l] = LOWER if l < count else UNKNOWN
     for _ in range(ROUNDS):
-        cubic_newton.settle(lanes, grid, meta, rover, cubic_newton.SMALL)
-        cubic_newton.standing(lanes)
-        linkage.place_body(lanes, rover)  # where the last step has left the wheels
-        linkage.place_wheels(lanes, rover)
+        iterate(lanes, grid, meta, rover, SMALL)
+        check_converged(lanes)
+        place_body(lanes, rover)  # move the wheels by the last step
+        place_wheels(lanes, rover)
         again = False
         for l in range(count):
-            if lanes[VERDICT + l] == LOWER:
-                lanes[VERDICT + l] = prove(lanes, ground, rover, l, work)
-                lanes[linkage.ACTIVE + l] = 1.0 if lanes[VERDICT + l] == LOWER else 0.0
-                again |= lanes[VERDICT + l] == LOWER
+            if lanes[CUBIC.verdict + l] == LOWER:
+                lanes[CUBIC.verdict + l] = verify_lane(lanes, ground, rover, l, work)
+                lanes[POSE.active + l] = 1.0 if lanes[CUBIC.verdict + l] == LOWER else 0.0
+                again |= lanes[CUBIC.verdict + l] == LOWER
         if not again:
             break

@@ -1,9 +1,4 @@
-"""The linkage of `LANES` poses at once: the loops a compiler turns into fused instructions.
-
-All of a block's numbers lie in one flat array, in rows of a lane for each pose: S[ROW + lane], and S[ROW + k] with
-k = wheel * LANES + lane for what there is one of for each wheel. Rows start at constants and the inner loops are over lanes
-alone, which is what lets the compiler see that rows do not overlap.
-"""
+"""Linkage of `LANES` poses at once: wheel positions, gap derivatives and Newton steps."""
 
 from __future__ import annotations
 
@@ -13,92 +8,111 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit.decorators import fma_njit, inlined
-from ..jit.raw_views import node_taker, unowned_view
+from ..jit.raw_views import unowned_view
 from ..model.linkage import P_BOGIE_PIVOT, P_DIFF, P_ORDER, P_PIVOT
 from ..model.sincos import sine_cosine
 from ..model.tolerances import MAX_ROCKER_ANGLE, MAX_STEP_ANGLE
+from .layout import CONTACT, LANES, LINE, POSE, WHEEL
 
 Array = NDArray[np.float64]
-
-LANES = 16
-ALL = 6 * LANES
-
-
-def rows(start: int, sizes: tuple[int, ...]) -> list[int]:
-    """Where rows of these sizes start, one after another."""
-    return [start + sum(sizes[:n]) for n in range(len(sizes) + 1)]
-
-
-# A pose: its place from the map's first node, heading, the six unknowns (linkage.Z ...) and their step, whether it is still
-# sought (1 or 0), the greatest part of the last step, the body's axes, the right rocker's angle and its rate to the left's.
-X, Y, CY, SY, Q, STEP, ACTIVE, WORST, AXES, RIGHT, RATE, _wheels = rows(
-    0, (*[LANES] * 4, 6 * LANES, 6 * LANES, LANES, LANES, 9 * LANES, LANES, LANES)
-)
-# A wheel: its foot (linkage.stand_feet); cos and sin of its link's angle to the body, where in the body (x, z) that is
-# pivoted, and the rate of its rocker; hub from the body's origin; its axle: z, level direction and level length.
-FX, FY, FZ, FC, FS, LC, LS, BX, BZ, BR, OX, OY, OZ, AZ, VX, VY, UZ, _touch = rows(_wheels, (ALL,) * 17)
-# Where it touches: sin φ, cos φ, s; that place from the hub, the contact's slope, the gap, and the gap's change with roll,
-# pitch, rocker and bogie.
-SINE, COSINE, PLACE, TX, TY, TZ, GX, GY, GAP, BY_ROLL, BY_PITCH, BY_ROCKER, BY_BOGIE, ROWS = rows(_touch, (ALL,) * 13)
-
-
-LINE = 8  # numbers that the processor fetches together
 
 
 @inlined
 def line_up(buffer: Array) -> Array:
-    """A `unowned_view` view of a buffer from where rows begin on such a line: one that lies across two is fetched twice. The
-    buffer has
-    `LINE` numbers more than the rows."""
+    """Return an unowned view of a buffer that starts on a cache line.
+
+    The processor fetches a row twice if it lies across two lines.
+
+    Args:
+        buffer: (size + LINE,) memory for a lane array.
+
+    Returns:
+        The view; the buffer must outlive it.
+    """
     return unowned_view(buffer[(-buffer.ctypes.data % (8 * LINE)) // 8 :])
 
 
-#: Heights at the corners of a cell, and the 16 coefficients of one, for every lane.
-take_corners, take_patch = node_taker(2, LANES), node_taker(4, LANES)
-
-
 @fma_njit
-def head(lanes: Array) -> None:
-    """cos and sin of the heading, for the heading itself in CY."""
+def set_heading(lanes: Array) -> None:
+    """Compute cos and sin of the heading.
+
+    Args:
+        lanes: the lane array (`layout`).
+
+    Reads:  POSE.yaw
+    Writes: POSE.cy, POSE.sy
+    """
     for l in range(LANES):
-        sine, cosine = sine_cosine(lanes[CY + l])
-        lanes[CY + l], lanes[SY + l] = cosine, sine
+        sine, cosine = sine_cosine(lanes[POSE.yaw + l])
+        lanes[POSE.cy + l], lanes[POSE.sy + l] = cosine, sine
 
 
 @fma_njit
 def place_body(lanes: Array, rover: Array) -> None:
-    """The body's axes, and the angle and pivot of every wheel's link."""
+    """Compute the body's axes, and the angle and pivot of every wheel's link.
+
+    The rocker angle is limited to MAX_ROCKER_ANGLE in the differential's polynomial, which diverges beyond.
+
+    Args:
+        lanes: the lane array (`layout`).
+        rover: the packed rover.
+
+    Reads:  POSE.cy, POSE.sy, POSE.q, POSE.right, POSE.rate
+    Writes: POSE.axes, POSE.right, POSE.rate, WHEEL.lc, WHEEL.ls, WHEEL.bx, WHEEL.bz, WHEEL.br
+    """
     for l in range(LANES):
-        sr, cr = sine_cosine(lanes[Q + LANES + l])
-        sp, cp = sine_cosine(lanes[Q + 2 * LANES + l])
-        cy, sy = lanes[CY + l], lanes[SY + l]
-        lanes[AXES + l], lanes[AXES + LANES + l], lanes[AXES + 2 * LANES + l] = cy * cp, sy * cp, -sp
-        lanes[AXES + 3 * LANES + l], lanes[AXES + 4 * LANES + l] = cy * sp * sr - sy * cr, sy * sp * sr + cy * cr
-        lanes[AXES + 5 * LANES + l] = cp * sr
-        lanes[AXES + 6 * LANES + l], lanes[AXES + 7 * LANES + l] = cy * sp * cr + sy * sr, sy * sp * cr - cy * sr
-        lanes[AXES + 8 * LANES + l] = cp * cr
-        lanes[RIGHT + l] = lanes[RATE + l] = 0.0
+        sr, cr = sine_cosine(lanes[POSE.q + LANES + l])
+        sp, cp = sine_cosine(lanes[POSE.q + 2 * LANES + l])
+        cy, sy = lanes[POSE.cy + l], lanes[POSE.sy + l]
+        lanes[POSE.axes + l], lanes[POSE.axes + LANES + l], lanes[POSE.axes + 2 * LANES + l] = cy * cp, sy * cp, -sp
+        lanes[POSE.axes + 3 * LANES + l], lanes[POSE.axes + 4 * LANES + l] = cy * sp * sr - sy * cr, sy * sp * sr + cy * cr
+        lanes[POSE.axes + 5 * LANES + l] = cp * sr
+        lanes[POSE.axes + 6 * LANES + l], lanes[POSE.axes + 7 * LANES + l] = cy * sp * cr + sy * sr, sy * sp * cr - cy * sr
+        lanes[POSE.axes + 8 * LANES + l] = cp * cr
+        lanes[POSE.right + l] = lanes[POSE.rate + l] = 0.0
     for k in range(int(rover[P_ORDER]) - 1, -1, -1):
         c = rover[P_DIFF + k]
         for l in range(LANES):
-            rho = min(max(lanes[Q + 3 * LANES + l], -MAX_ROCKER_ANGLE), MAX_ROCKER_ANGLE)  # beyond, a polynomial would run away
-            lanes[RATE + l] = lanes[RATE + l] * rho + lanes[RIGHT + l]
-            lanes[RIGHT + l] = lanes[RIGHT + l] * rho + c
+            rho = min(max(lanes[POSE.q + 3 * LANES + l], -MAX_ROCKER_ANGLE), MAX_ROCKER_ANGLE)
+            lanes[POSE.rate + l] = lanes[POSE.rate + l] * rho + lanes[POSE.right + l]
+            lanes[POSE.right + l] = lanes[POSE.right + l] * rho + c
     kx, kz, px, pz = rover[P_BOGIE_PIVOT], rover[P_BOGIE_PIVOT + 2], rover[P_PIVOT], rover[P_PIVOT + 2]
     for l in range(LANES):
-        angle = lanes[Q + 3 * LANES + l]
+        angle = lanes[POSE.q + 3 * LANES + l]
         s, c = sine_cosine(angle)
-        lanes[LC + l], lanes[LS + l], lanes[BX + l], lanes[BZ + l], lanes[BR + l] = c, s, px, pz, 1.0
+        lanes[WHEEL.lc + l], lanes[WHEEL.ls + l], lanes[WHEEL.bx + l], lanes[WHEEL.bz + l], lanes[WHEEL.br + l] = (
+            c,
+            s,
+            px,
+            pz,
+            1.0,
+        )
         x, z = px + c * kx + s * kz, pz - s * kx + c * kz
-        s, c = sine_cosine(angle + lanes[Q + 4 * LANES + l])
-        lanes[LC + 2 * LANES + l], lanes[LS + 2 * LANES + l], lanes[BX + 2 * LANES + l], lanes[BZ + 2 * LANES + l] = c, s, x, z
-        lanes[LC + 4 * LANES + l], lanes[LS + 4 * LANES + l], lanes[BX + 4 * LANES + l], lanes[BZ + 4 * LANES + l] = c, s, x, z
-        lanes[BR + 2 * LANES + l] = lanes[BR + 4 * LANES + l] = 1.0
+        s, c = sine_cosine(angle + lanes[POSE.q + 4 * LANES + l])
+        (
+            lanes[WHEEL.lc + 2 * LANES + l],
+            lanes[WHEEL.ls + 2 * LANES + l],
+            lanes[WHEEL.bx + 2 * LANES + l],
+            lanes[WHEEL.bz + 2 * LANES + l],
+        ) = c, s, x, z
+        (
+            lanes[WHEEL.lc + 4 * LANES + l],
+            lanes[WHEEL.ls + 4 * LANES + l],
+            lanes[WHEEL.bx + 4 * LANES + l],
+            lanes[WHEEL.bz + 4 * LANES + l],
+        ) = c, s, x, z
+        lanes[WHEEL.br + 2 * LANES + l] = lanes[WHEEL.br + 4 * LANES + l] = 1.0
     kx, kz, px, pz = rover[P_BOGIE_PIVOT + 3], rover[P_BOGIE_PIVOT + 5], rover[P_PIVOT + 3], rover[P_PIVOT + 5]
     for l in range(LANES):
-        angle, rate = lanes[RIGHT + l], lanes[RATE + l]
+        angle, rate = lanes[POSE.right + l], lanes[POSE.rate + l]
         s, c = sine_cosine(angle)
-        lanes[LC + LANES + l], lanes[LS + LANES + l], lanes[BX + LANES + l], lanes[BZ + LANES + l], lanes[BR + LANES + l] = (
+        (
+            lanes[WHEEL.lc + LANES + l],
+            lanes[WHEEL.ls + LANES + l],
+            lanes[WHEEL.bx + LANES + l],
+            lanes[WHEEL.bz + LANES + l],
+            lanes[WHEEL.br + LANES + l],
+        ) = (
             c,
             s,
             px,
@@ -106,100 +120,179 @@ def place_body(lanes: Array, rover: Array) -> None:
             rate,
         )
         x, z = px + c * kx + s * kz, pz - s * kx + c * kz
-        s, c = sine_cosine(angle + lanes[Q + 5 * LANES + l])
-        lanes[LC + 3 * LANES + l], lanes[LS + 3 * LANES + l], lanes[BX + 3 * LANES + l], lanes[BZ + 3 * LANES + l] = c, s, x, z
-        lanes[LC + 5 * LANES + l], lanes[LS + 5 * LANES + l], lanes[BX + 5 * LANES + l], lanes[BZ + 5 * LANES + l] = c, s, x, z
-        lanes[BR + 3 * LANES + l] = lanes[BR + 5 * LANES + l] = rate
+        s, c = sine_cosine(angle + lanes[POSE.q + 5 * LANES + l])
+        (
+            lanes[WHEEL.lc + 3 * LANES + l],
+            lanes[WHEEL.ls + 3 * LANES + l],
+            lanes[WHEEL.bx + 3 * LANES + l],
+            lanes[WHEEL.bz + 3 * LANES + l],
+        ) = c, s, x, z
+        (
+            lanes[WHEEL.lc + 5 * LANES + l],
+            lanes[WHEEL.ls + 5 * LANES + l],
+            lanes[WHEEL.bx + 5 * LANES + l],
+            lanes[WHEEL.bz + 5 * LANES + l],
+        ) = c, s, x, z
+        lanes[WHEEL.br + 3 * LANES + l] = lanes[WHEEL.br + 5 * LANES + l] = rate
 
 
 @fma_njit
 def place_wheels(lanes: Array, rover: Array) -> None:
-    """Hub and axle of every wheel."""
+    """Compute hub and axle of every wheel.
+
+    Args:
+        lanes: the lane array (`layout`).
+        rover: the packed rover.
+
+    Reads:  POSE.axes, WHEEL.fx, WHEEL.fy, WHEEL.fz, WHEEL.fc, WHEEL.fs, WHEEL.lc, WHEEL.ls, WHEEL.bx, WHEEL.bz
+    Writes: WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz
+    """
     for i in range(6):
         side = i % 2
         py = rover[P_PIVOT + 3 * side + 1] + (rover[P_BOGIE_PIVOT + 3 * side + 1] if i > 1 else 0.0)
         for l in range(LANES):
             k = i * LANES + l
-            c, s, fx, fz = lanes[LC + k], lanes[LS + k], lanes[FX + k], lanes[FZ + k]
-            bx, by, bz = lanes[BX + k] + c * fx + s * fz, py + lanes[FY + k], lanes[BZ + k] - s * fx + c * fz
-            xx, xy, xz = lanes[AXES + l], lanes[AXES + LANES + l], lanes[AXES + 2 * LANES + l]
-            yx, yy, yz = lanes[AXES + 3 * LANES + l], lanes[AXES + 4 * LANES + l], lanes[AXES + 5 * LANES + l]
-            zx, zy, zz = lanes[AXES + 6 * LANES + l], lanes[AXES + 7 * LANES + l], lanes[AXES + 8 * LANES + l]
+            c, s, fx, fz = lanes[WHEEL.lc + k], lanes[WHEEL.ls + k], lanes[WHEEL.fx + k], lanes[WHEEL.fz + k]
+            bx, by, bz = lanes[WHEEL.bx + k] + c * fx + s * fz, py + lanes[WHEEL.fy + k], lanes[WHEEL.bz + k] - s * fx + c * fz
+            xx, xy, xz = lanes[POSE.axes + l], lanes[POSE.axes + LANES + l], lanes[POSE.axes + 2 * LANES + l]
+            yx, yy, yz = lanes[POSE.axes + 3 * LANES + l], lanes[POSE.axes + 4 * LANES + l], lanes[POSE.axes + 5 * LANES + l]
+            zx, zy, zz = lanes[POSE.axes + 6 * LANES + l], lanes[POSE.axes + 7 * LANES + l], lanes[POSE.axes + 8 * LANES + l]
             ox, oy, oz = xx * bx + yx * by + zx * bz, xy * bx + yy * by + zy * bz, xz * bx + yz * by + zz * bz
-            lanes[OX + k], lanes[OY + k], lanes[OZ + k] = ox, oy, oz
-            turn, tx, tz = lanes[FC + k], -lanes[FS + k] * c, lanes[FS + k] * s  # the axle in the body
+            lanes[WHEEL.ox + k], lanes[WHEEL.oy + k], lanes[WHEEL.oz + k] = ox, oy, oz
+            turn, tx, tz = lanes[WHEEL.fc + k], -lanes[WHEEL.fs + k] * c, lanes[WHEEL.fs + k] * s  # the axle in the body
             ax, ay, az = xx * tx + yx * turn + zx * tz, xy * tx + yy * turn + zy * tz, xz * tx + yz * turn + zz * tz
             level = math.sqrt(ax * ax + ay * ay)
             over = 1.0 / level
-            lanes[AZ + k], lanes[VX + k], lanes[VY + k], lanes[UZ + k] = az, ax * over, ay * over, level
+            lanes[WHEEL.az + k], lanes[WHEEL.vx + k], lanes[WHEEL.vy + k], lanes[WHEEL.uz + k] = az, ax * over, ay * over, level
 
 
 @fma_njit
 def gap_jacobian(lanes: Array, rover: Array) -> None:
-    """How every gap changes with the unknowns (`linkage.slope_row`)."""
+    """Compute the derivatives of every gap by the unknowns.
+
+    They are those of `model.linkage.gap_jacobian_row`.
+
+    Args:
+        lanes: the lane array (`layout`).
+        rover: the packed rover.
+
+    Reads:  POSE.cy, POSE.sy, POSE.axes, WHEEL.bx, WHEEL.bz, WHEEL.br, WHEEL.ox, WHEEL.oy, WHEEL.oz, CONTACT.tx, CONTACT.ty,
+            CONTACT.tz, CONTACT.gx, CONTACT.gy
+    Writes: CONTACT.by_roll, CONTACT.by_pitch, CONTACT.by_rocker, CONTACT.by_bogie
+    """
     for i in range(6):
         side = i % 2
         px, pz = rover[P_PIVOT + 3 * side], rover[P_PIVOT + 3 * side + 2]
         for l in range(LANES):
             k = i * LANES + l
-            gx, gy = lanes[GX + k], lanes[GY + k]
-            wx, wy, wz = lanes[OX + k] + lanes[TX + k], lanes[OY + k] + lanes[TY + k], lanes[OZ + k] + lanes[TZ + k]
-            xx, xy, xz = lanes[AXES + l], lanes[AXES + LANES + l], lanes[AXES + 2 * LANES + l]
-            zx, zy, zz = lanes[AXES + 6 * LANES + l], lanes[AXES + 7 * LANES + l], lanes[AXES + 8 * LANES + l]
-            cy, sy = lanes[CY + l], lanes[SY + l]
-            lanes[BY_ROLL + k] = (xx * wy - xy * wx) - gx * (xy * wz - xz * wy) - gy * (xz * wx - xx * wz)
-            lanes[BY_PITCH + k] = -gx * (cy * wz) - gy * (sy * wz) - (sy * wy + cy * wx)
-            # x and z of the normal and of the place, in the body
+            gx, gy = lanes[CONTACT.gx + k], lanes[CONTACT.gy + k]
+            wx, wy, wz = (
+                lanes[WHEEL.ox + k] + lanes[CONTACT.tx + k],
+                lanes[WHEEL.oy + k] + lanes[CONTACT.ty + k],
+                lanes[WHEEL.oz + k] + lanes[CONTACT.tz + k],
+            )
+            xx, xy, xz = lanes[POSE.axes + l], lanes[POSE.axes + LANES + l], lanes[POSE.axes + 2 * LANES + l]
+            zx, zy, zz = lanes[POSE.axes + 6 * LANES + l], lanes[POSE.axes + 7 * LANES + l], lanes[POSE.axes + 8 * LANES + l]
+            cy, sy = lanes[POSE.cy + l], lanes[POSE.sy + l]
+            lanes[CONTACT.by_roll + k] = (xx * wy - xy * wx) - gx * (xy * wz - xz * wy) - gy * (xz * wx - xx * wz)
+            lanes[CONTACT.by_pitch + k] = -gx * (cy * wz) - gy * (sy * wz) - (sy * wy + cy * wx)
+            # x and z of the normal and of the contact, in the body
             nx, nz = xz - gx * xx - gy * xy, zz - gx * zx - gy * zy
             bx, bz = xx * wx + xy * wy + xz * wz, zx * wx + zy * wy + zz * wz
-            lanes[BY_ROCKER + k] = lanes[BR + k] * (nx * (bz - pz) - nz * (bx - px))
-            lanes[BY_BOGIE + k] = nx * (bz - lanes[BZ + k]) - nz * (bx - lanes[BX + k])
+            lanes[CONTACT.by_rocker + k] = lanes[WHEEL.br + k] * (nx * (bz - pz) - nz * (bx - px))
+            lanes[CONTACT.by_bogie + k] = nx * (bz - lanes[WHEEL.bz + k]) - nz * (bx - lanes[WHEEL.bx + k])
+
+
+@inlined
+def _eliminate_bogie(
+    m1: float, m2: float, m3: float, m4: float, m: float, o1: float, o2: float, o3: float, o4: float, o: float,
+    a1: float, a2: float, a3: float, a: float,
+) -> tuple[float, float, float, float, float, float, float, float, float]:  # fmt: skip
+    """Eliminate z and the bogie angle from the equations of the two wheels of a bogie.
+
+    An equation reads z + c1 roll + c2 pitch + c3 rocker + c4 bogie = right-hand side. The wheel with the larger
+    |c4| is the pivot.
+
+    Args:
+        m1, m2, m3, m4, m: c1 to c4 and right-hand side of the middle wheel.
+        o1, o2, o3, o4, o: those of the bogie's other wheel.
+        a1, a2, a3, a: c1 to c3 and right-hand side of wheel 0, which has no bogie.
+
+    Returns:
+        c1 to c4 and right-hand side of the pivot's equation; c1 to c3 and right-hand side of the other, without z and bogie.
+    """
+    swap = abs(o4) > abs(m4)
+    l1, l2, l3, l4, lb = (
+        o1 if swap else m1, o2 if swap else m2, o3 if swap else m3, o4 if swap else m4, o if swap else m,
+    )  # fmt: skip
+    k = (m4 if swap else o4) / l4
+    z = 1.0 - k
+    q1 = (m1 if swap else o1) - k * l1 - z * a1
+    q2 = (m2 if swap else o2) - k * l2 - z * a2
+    q3 = (m3 if swap else o3) - k * l3 - z * a3
+    q = (m if swap else o) - k * lb - z * a
+    return l1, l2, l3, l4, lb, q1, q2, q3, q
 
 
 @fma_njit
 def solve_step(lanes: Array) -> None:
-    """Fill STEP: Newton's step of all lanes. As `newton.solve_linkage`, whose words explain it; nan where singular."""
+    """Compute the Newton step of q (as `solve.newton.solve_linkage`).
+
+    The step is NaN where the Jacobian is singular. Wheels 0 and 1 do not depend on the bogies. With wheel 0's equation, z
+    is eliminated from wheel 1's; each side's bogie and z are eliminated from its other two wheels'. Three equations in
+    roll, pitch and rocker remain, solved by Cramer's rule.
+
+    Args:
+        lanes: the lane array (`layout`).
+
+    Reads:  CONTACT.gap, CONTACT.by_roll, CONTACT.by_pitch, CONTACT.by_rocker, CONTACT.by_bogie
+    Writes: POSE.step
+    """
     for l in range(LANES):
-        # wheels 0, 1 know no bogie
-        a1, a2, a3, a = lanes[BY_ROLL + l], lanes[BY_PITCH + l], lanes[BY_ROCKER + l], -lanes[GAP + l]
-        p1, p2, p3, p = (
-            lanes[BY_ROLL + LANES + l] - a1,
-            lanes[BY_PITCH + LANES + l] - a2,
-            lanes[BY_ROCKER + LANES + l] - a3,
-            -lanes[GAP + LANES + l] - a,
+        a1, a2, a3, a = (
+            lanes[CONTACT.by_roll + l],
+            lanes[CONTACT.by_pitch + l],
+            lanes[CONTACT.by_rocker + l],
+            -lanes[CONTACT.gap + l],
         )
-        # left: wheels 2, 4, the one that the bogie moves more first
-        m4, o4 = lanes[BY_BOGIE + 2 * LANES + l], lanes[BY_BOGIE + 4 * LANES + l]
-        swap = abs(o4) > abs(m4)
-        m1, o1 = lanes[BY_ROLL + 2 * LANES + l], lanes[BY_ROLL + 4 * LANES + l]
-        m2, o2 = lanes[BY_PITCH + 2 * LANES + l], lanes[BY_PITCH + 4 * LANES + l]
-        m3, o3 = lanes[BY_ROCKER + 2 * LANES + l], lanes[BY_ROCKER + 4 * LANES + l]
-        m, o = -lanes[GAP + 2 * LANES + l], -lanes[GAP + 4 * LANES + l]
-        l1, l2, l3, l4, lb = (
-            o1 if swap else m1, o2 if swap else m2, o3 if swap else m3, o4 if swap else m4, o if swap else m,
-        )  # fmt: skip
-        k = (m4 if swap else o4) / l4
-        z = 1.0 - k
-        q1 = (m1 if swap else o1) - k * l1 - z * a1
-        q2 = (m2 if swap else o2) - k * l2 - z * a2
-        q3 = (m3 if swap else o3) - k * l3 - z * a3
-        q = (m if swap else o) - k * lb - z * a
-        # right: wheels 3, 5
-        m4, o4 = lanes[BY_BOGIE + 3 * LANES + l], lanes[BY_BOGIE + 5 * LANES + l]
-        swap = abs(o4) > abs(m4)
-        m1, o1 = lanes[BY_ROLL + 3 * LANES + l], lanes[BY_ROLL + 5 * LANES + l]
-        m2, o2 = lanes[BY_PITCH + 3 * LANES + l], lanes[BY_PITCH + 5 * LANES + l]
-        m3, o3 = lanes[BY_ROCKER + 3 * LANES + l], lanes[BY_ROCKER + 5 * LANES + l]
-        m, o = -lanes[GAP + 3 * LANES + l], -lanes[GAP + 5 * LANES + l]
-        e1, e2, e3, e4, eb = (
-            o1 if swap else m1, o2 if swap else m2, o3 if swap else m3, o4 if swap else m4, o if swap else m,
-        )  # fmt: skip
-        k = (m4 if swap else o4) / e4
-        z = 1.0 - k
-        r1 = (m1 if swap else o1) - k * e1 - z * a1
-        r2 = (m2 if swap else o2) - k * e2 - z * a2
-        r3 = (m3 if swap else o3) - k * e3 - z * a3
-        r = (m if swap else o) - k * eb - z * a
+        p1, p2, p3, p = (
+            lanes[CONTACT.by_roll + LANES + l] - a1,
+            lanes[CONTACT.by_pitch + LANES + l] - a2,
+            lanes[CONTACT.by_rocker + LANES + l] - a3,
+            -lanes[CONTACT.gap + LANES + l] - a,
+        )
+        l1, l2, l3, l4, lb, q1, q2, q3, q = _eliminate_bogie(
+            lanes[CONTACT.by_roll + 2 * LANES + l],
+            lanes[CONTACT.by_pitch + 2 * LANES + l],
+            lanes[CONTACT.by_rocker + 2 * LANES + l],
+            lanes[CONTACT.by_bogie + 2 * LANES + l],
+            -lanes[CONTACT.gap + 2 * LANES + l],
+            lanes[CONTACT.by_roll + 4 * LANES + l],
+            lanes[CONTACT.by_pitch + 4 * LANES + l],
+            lanes[CONTACT.by_rocker + 4 * LANES + l],
+            lanes[CONTACT.by_bogie + 4 * LANES + l],
+            -lanes[CONTACT.gap + 4 * LANES + l],
+            a1,
+            a2,
+            a3,
+            a,
+        )
+        e1, e2, e3, e4, eb, r1, r2, r3, r = _eliminate_bogie(
+            lanes[CONTACT.by_roll + 3 * LANES + l],
+            lanes[CONTACT.by_pitch + 3 * LANES + l],
+            lanes[CONTACT.by_rocker + 3 * LANES + l],
+            lanes[CONTACT.by_bogie + 3 * LANES + l],
+            -lanes[CONTACT.gap + 3 * LANES + l],
+            lanes[CONTACT.by_roll + 5 * LANES + l],
+            lanes[CONTACT.by_pitch + 5 * LANES + l],
+            lanes[CONTACT.by_rocker + 5 * LANES + l],
+            lanes[CONTACT.by_bogie + 5 * LANES + l],
+            -lanes[CONTACT.gap + 5 * LANES + l],
+            a1,
+            a2,
+            a3,
+            a,
+        )
         u1, u2, u3 = q2 * r3 - q3 * r2, q3 * r1 - q1 * r3, q1 * r2 - q2 * r1
         v1, v2, v3 = r2 * p3 - r3 * p2, r3 * p1 - r1 * p3, r1 * p2 - r2 * p1
         w1, w2, w3 = p2 * q3 - p3 * q2, p3 * q1 - p1 * q3, p1 * q2 - p2 * q1
@@ -210,28 +303,35 @@ def solve_step(lanes: Array) -> None:
             (p * u3 + q * v3 + r * w3) * over,
         )
         z = a - a1 * roll - a2 * pitch - a3 * rocker
-        lanes[STEP + l], lanes[STEP + LANES + l] = z, roll
-        lanes[STEP + 2 * LANES + l], lanes[STEP + 3 * LANES + l] = pitch, rocker
-        lanes[STEP + 4 * LANES + l] = (lb - z - l1 * roll - l2 * pitch - l3 * rocker) / l4
-        lanes[STEP + 5 * LANES + l] = (eb - z - e1 * roll - e2 * pitch - e3 * rocker) / e4
+        lanes[POSE.step + l], lanes[POSE.step + LANES + l] = z, roll
+        lanes[POSE.step + 2 * LANES + l], lanes[POSE.step + 3 * LANES + l] = pitch, rocker
+        lanes[POSE.step + 4 * LANES + l] = (lb - z - l1 * roll - l2 * pitch - l3 * rocker) / l4
+        lanes[POSE.step + 5 * LANES + l] = (eb - z - e1 * roll - e2 * pitch - e3 * rocker) / e4
 
 
 @fma_njit
 def take_step(lanes: Array) -> None:
-    """Move the live lanes by STEP, shortened where it would turn anything by more than `MAX_STEP_ANGLE`; WORST is its
-    greatest part.
-    A step that is not finite is not taken, and is infinite."""
+    """Move the active lanes by their step.
+
+    A step is scaled so that no angle changes by more than MAX_STEP_ANGLE. A step that is not finite is not taken.
+
+    Args:
+        lanes: the lane array (`layout`).
+
+    Reads:  POSE.q, POSE.step, POSE.active
+    Writes: POSE.q, POSE.worst
+    """
     for l in range(LANES):
-        z, roll, pitch = lanes[STEP + l], lanes[STEP + LANES + l], lanes[STEP + 2 * LANES + l]
-        rocker, left, right = lanes[STEP + 3 * LANES + l], lanes[STEP + 4 * LANES + l], lanes[STEP + 5 * LANES + l]
+        z, roll, pitch = lanes[POSE.step + l], lanes[POSE.step + LANES + l], lanes[POSE.step + 2 * LANES + l]
+        rocker, left, right = lanes[POSE.step + 3 * LANES + l], lanes[POSE.step + 4 * LANES + l], lanes[POSE.step + 5 * LANES + l]
         total = abs(z) + abs(roll) + abs(pitch) + abs(rocker) + abs(left) + abs(right)
         finite = total < math.inf
         big = max(max(abs(roll), abs(pitch)), max(abs(rocker), max(abs(left), abs(right))))
-        lanes[WORST + l] = max(big, abs(z)) if finite else math.inf
-        scale = lanes[ACTIVE + l] * MAX_STEP_ANGLE / max(big, MAX_STEP_ANGLE)
-        lanes[Q + l] += scale * z if finite else 0.0
-        lanes[Q + LANES + l] += scale * roll if finite else 0.0
-        lanes[Q + 2 * LANES + l] += scale * pitch if finite else 0.0
-        lanes[Q + 3 * LANES + l] += scale * rocker if finite else 0.0
-        lanes[Q + 4 * LANES + l] += scale * left if finite else 0.0
-        lanes[Q + 5 * LANES + l] += scale * right if finite else 0.0
+        lanes[POSE.worst + l] = max(big, abs(z)) if finite else math.inf
+        scale = lanes[POSE.active + l] * MAX_STEP_ANGLE / max(big, MAX_STEP_ANGLE)
+        lanes[POSE.q + l] += scale * z if finite else 0.0
+        lanes[POSE.q + LANES + l] += scale * roll if finite else 0.0
+        lanes[POSE.q + 2 * LANES + l] += scale * pitch if finite else 0.0
+        lanes[POSE.q + 3 * LANES + l] += scale * rocker if finite else 0.0
+        lanes[POSE.q + 4 * LANES + l] += scale * left if finite else 0.0
+        lanes[POSE.q + 5 * LANES + l] += scale * right if finite else 0.0

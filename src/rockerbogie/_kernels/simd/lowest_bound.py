@@ -1,4 +1,4 @@
-"""What each of `LANES` lanes is to look at next: the piece of ground whose bound is the lowest."""
+"""Lowest of each lane's lower bounds: the piece of terrain to search next."""
 
 from __future__ import annotations
 
@@ -8,30 +8,50 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit.decorators import fma_njit, inlined
-from .linkage import LANES, ROWS, rows
+from .layout import BOUND, LANES
 
 Array = NDArray[np.float64]
 
-MOST, MOST_ROWS = 2048, 1 << 20  # bounds of a lane, numbers in a block: more than there are
-
-# The lowest of a lane's bounds, and which of its pieces has it.
-LOW, PIECE, BOUND_ROWS = rows(ROWS, (LANES,) * 2)
+MOST, MOST_ROWS = 2048, 1 << 20  # limits above all numbers of bounds and all rows, for the compiler
 
 
 @inlined
 def _lower(a: float, i: float, b: float, j: float) -> tuple[float, float]:
-    """The lower of a and b with its number; a where they are alike."""
+    """Return the lower of two numbers and its index; the first if they are equal.
+
+    Args:
+        a: first number.
+        i: its index.
+        b: second number.
+        j: its index.
+
+    Returns:
+        The lower number and its index.
+    """
     return (b if b < a else a), (j if b < a else i)
 
 
 @fma_njit
 def lowest(lanes: Array, bounds: int, count: int) -> None:
-    """LOW is the lowest of each lane's bounds in the `count` rows from `bounds` on, none of them nan, and PIECE which; of several
-    the first. They are taken by eight, as each would wait for the one before: `fill_up` has to have been."""
+    """Find each lane's lowest bound in a table, and the index of its piece.
+
+    Of equal bounds the first counts. Bounds are compared in groups of 8, because each comparison of a running minimum waits
+    for the one before. `pad_bounds` must have filled the last group.
+
+    Args:
+        lanes: the lane array (`layout`).
+        bounds: row of the first bound; none is NaN.
+        count: number of bounds of each lane.
+
+    Reads:  bounds, BOUND (all)
+    Writes: BOUND (all)
+    """
     bounds, groups = min(max(bounds, 0), MOST_ROWS), min(max((count + 7) // 8, 0), MOST)
-    lane_count = min(LANES, groups * LANES)  # LANES; a compiler that knows writes short loops out instead of fusing them
+    lane_count = min(
+        LANES, groups * LANES
+    )  # LANES; as a constant, the compiler would write out short loops instead of vectorising them
     for l in range(LANES):
-        lanes[LOW + l], lanes[PIECE + l] = math.inf, 0.0
+        lanes[BOUND.low + l], lanes[BOUND.piece + l] = math.inf, 0.0
     for m in range(groups):
         at = bounds + 8 * m * LANES
         for l in range(lane_count):
@@ -42,20 +62,40 @@ def lowest(lanes: Array, bounds: int, count: int) -> None:
             a, i = _lower(a, i, b, j)
             c, k = _lower(c, k, d, n)
             a, i = _lower(a, i, c, k)
-            lanes[LOW + l], lanes[PIECE + l] = _lower(lanes[LOW + l], lanes[PIECE + l], a, 8.0 * m + i)
+            lanes[BOUND.low + l], lanes[BOUND.piece + l] = _lower(lanes[BOUND.low + l], lanes[BOUND.piece + l], a, 8.0 * m + i)
 
 
 @fma_njit
 def next_lowest(lanes: Array, bounds: int, count: int) -> None:
-    """As `lowest`, when all that PIECE was is done with."""
+    """Remove each lane's lowest bound from the table, and find the next one.
+
+    A removed bound is infinite.
+
+    Args:
+        lanes: the lane array (`layout`).
+        bounds: row of the first bound.
+        count: number of bounds of each lane.
+
+    Reads:  bounds, BOUND (all)
+    Writes: bounds, BOUND (all)
+    """
     for l in range(LANES):
-        lanes[np.uint64(bounds + l) + np.uint64(lanes[PIECE + l]) * np.uint64(LANES)] = math.inf
+        lanes[np.uint64(bounds + l) + np.uint64(lanes[BOUND.piece + l]) * np.uint64(LANES)] = math.inf
     lowest(lanes, bounds, count)
 
 
 @fma_njit
-def fill_up(lanes: Array, bounds: int, count: int) -> None:
-    """The rows after the last, as `lowest` wants them."""
+def pad_bounds(lanes: Array, bounds: int, count: int) -> None:
+    """Fill the last group of 8 of a table of bounds with infinity.
+
+    Args:
+        lanes: the lane array (`layout`).
+        bounds: row of the first bound.
+        count: number of bounds of each lane.
+
+    Reads:  none
+    Writes: bounds
+    """
     for m in range(count, (count + 7) // 8 * 8):
         for l in range(LANES):
             lanes[bounds + m * LANES + l] = math.inf

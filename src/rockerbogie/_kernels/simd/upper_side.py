@@ -1,5 +1,7 @@
-"""Whether what the search of `LANES` wheels leaves out clears the ground: treads' upper sides, and the ends of their rims' lower
-halves."""
+"""Check that what the search of `LANES` wheels leaves out clears the terrain.
+
+These are the upper sides of treads, and the ends of the lower halves of their rims.
+"""
 
 from __future__ import annotations
 
@@ -8,42 +10,67 @@ from numpy.typing import NDArray
 
 from ..jit.decorators import fma_njit
 from ..model.ground import META_DX, META_DY
-from .linkage import LANES
-from .rim_search import DOUBT, NONE, A, B
-from .tread_search import AXLE_Z, CLEAR, CLEAR_ALL, COS, FITS, HEIGHTS, MAX_SLOPE_SQUARED, RISE_X, RISE_Y, ROOM, SIDE
+from .layout import LANES, LOWEST, NODES, RIM, ROOM, SIDE, TREAD
+from .rim_bounds import NONE
 
 Array = NDArray[np.float64]
 
 
 @fma_njit
 def clear_above(lanes: Array) -> float:
-    """How many lanes might be nearer the ground with what the search leaves out, a tread's upper side and the ends of its rims'
-    lower halves; CLEAR is 0 for these and 1 for others, if the ground is nowhere steeper than the square root of
-    MAX_SLOPE_SQUARED.
+    """Mark the lanes in which only the lower side of a tread can touch terrain of limited slope.
 
-    Then it is less steep than the way up to those places. From a point of the lower side straight up the wheel that rises uz
-    over |az|; around a rim from where it turns back, cos φ = |B| / sqrt(A² + B²), at least uz sin φ over sqrt(cos² φ + az²).
+    The search leaves out the upper side of a tread and the ends of its rims' lower halves. They clear terrain that is less
+    steep than the way up to them: from the lower side straight up the wheel, uz over |az|; around a rim from where it turns
+    back, at cos φ = |b| / sqrt(a² + b²), at least uz sin φ over sqrt(cos² φ + az²).
+
+    Args:
+        lanes: the lane array (`layout`).
+
+    Returns:
+        Number of lanes that are not clear.
+
+    Reads:  RIM.a, RIM.b, TREAD.cos, TREAD.az, TREAD.max_slope_squared, TREAD.clear
+    Writes: TREAD.clear
     """
     for l in range(LANES):
-        a2, b2, az, uz = lanes[A + l] * lanes[A + l], lanes[B + l] * lanes[B + l], lanes[AXLE_Z + l], lanes[COS + l]
-        lanes[CLEAR + l] = 1.0 if lanes[MAX_SLOPE_SQUARED + l] * (b2 + az * az * (a2 + b2)) <= uz * uz * a2 else 0.0
+        a2, b2, az, uz = (
+            lanes[RIM.a + l] * lanes[RIM.a + l],
+            lanes[RIM.b + l] * lanes[RIM.b + l],
+            lanes[TREAD.az + l],
+            lanes[TREAD.cos + l],
+        )
+        lanes[TREAD.clear + l] = 1.0 if lanes[TREAD.max_slope_squared + l] * (b2 + az * az * (a2 + b2)) <= uz * uz * a2 else 0.0
     lane_count = 0.0
     for l in range(LANES):
-        lane_count += 1.0 - lanes[CLEAR + l]
+        lane_count += 1.0 - lanes[TREAD.clear + l]
     return lane_count
 
 
 @fma_njit
 def clear_here(lanes: Array, meta: Array, columns: int, lines: int) -> None:
-    """DOUBT where all of the ground, and that between HEIGHTS, is too steep for `clear_above`, or where it has holes."""
+    """Set LOWEST.doubt to NONE where the terrain under the wheel may touch its upper side.
+
+    That is where it is too steep for `clear_above`, or where data is missing.
+
+    Args:
+        lanes: the lane array (`layout`).
+        meta: the map header.
+        columns: number of nodes along x under the widest of the wheels.
+        lines: number of nodes along y under the widest of the wheels.
+
+    Reads:  RIM.a, RIM.b, LOWEST.doubt, TREAD.cos, TREAD.az, TREAD.max_slope_squared, TREAD.clear, TREAD.fits, TREAD.rise_x,
+            TREAD.rise_y, TREAD.clear_all, NODES.height
+    Writes: LOWEST.doubt, TREAD.max_slope_squared, TREAD.clear, TREAD.rise_x, TREAD.rise_y, TREAD.clear_all
+    """
     columns, lines = min(max(columns, 0), SIDE), min(max(lines, 0), SIDE)
     over_x, over_y = 1.0 / (meta[META_DX] * meta[META_DX]), 1.0 / (meta[META_DY] * meta[META_DY])
     for l in range(LANES):
-        lanes[RISE_X + l] = lanes[RISE_Y + l] = 0.0
+        lanes[TREAD.rise_x + l] = lanes[TREAD.rise_y + l] = 0.0
     for m in range(lines - 1):
         for n in range(columns - 1):
-            at = HEIGHTS + min(m * columns + n, ROOM - 1) * LANES
-            right, above = at + LANES, HEIGHTS + min((m + 1) * columns + n, ROOM - 1) * LANES
+            at = NODES.height + min(m * columns + n, ROOM - 1) * LANES
+            right, above = at + LANES, NODES.height + min((m + 1) * columns + n, ROOM - 1) * LANES
             beyond = above + LANES
             for l in range(LANES):
                 a, b, d, e, most_x, most_y = (
@@ -51,18 +78,21 @@ def clear_here(lanes: Array, meta: Array, columns: int, lines: int) -> None:
                     lanes[right + l],
                     lanes[above + l],
                     lanes[beyond + l],
-                    lanes[RISE_X + l],
-                    lanes[RISE_Y + l],
+                    lanes[TREAD.rise_x + l],
+                    lanes[TREAD.rise_y + l],
                 )
-                hole = 0.0 * (a + b + d + e + most_x)  # nan in one, or before; max would lose it
-                lanes[RISE_X + l] = max(most_x, max(abs(b - a), abs(e - d))) + hole
-                lanes[RISE_Y + l] = max(most_y, max(abs(d - a), abs(e - b)))
+                missing = 0.0 * (a + b + d + e + most_x)  # NaN if one is NaN; max would lose it
+                lanes[TREAD.rise_x + l] = max(most_x, max(abs(b - a), abs(e - d))) + missing
+                lanes[TREAD.rise_y + l] = max(most_y, max(abs(d - a), abs(e - b)))
     for l in range(LANES):
-        lanes[MAX_SLOPE_SQUARED + l] = (
-            lanes[RISE_X + l] * lanes[RISE_X + l] * over_x + lanes[RISE_Y + l] * lanes[RISE_Y + l] * over_y
+        lanes[TREAD.max_slope_squared + l] = (
+            lanes[TREAD.rise_x + l] * lanes[TREAD.rise_x + l] * over_x
+            + lanes[TREAD.rise_y + l] * lanes[TREAD.rise_y + l] * over_y
         )
-        lanes[CLEAR_ALL + l] = lanes[CLEAR + l]
+        lanes[TREAD.clear_all + l] = lanes[TREAD.clear + l]
     clear_above(lanes)
     for l in range(LANES):
-        doubt = lanes[DOUBT + l]
-        lanes[DOUBT + l] = doubt if (lanes[CLEAR_ALL + l] > 0.0) | (lanes[CLEAR + l] * lanes[FITS + l] > 0.0) else NONE
+        doubt = lanes[LOWEST.doubt + l]
+        lanes[LOWEST.doubt + l] = (
+            doubt if (lanes[TREAD.clear_all + l] > 0.0) | (lanes[TREAD.clear + l] * lanes[TREAD.fits + l] > 0.0) else NONE
+        )

@@ -1,0 +1,80 @@
+"""Cells of the bilinear grid under each lane, and the lowest gap of a wheel before its search."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit.decorators import fma_njit
+from ..jit.raw_views import node_taker
+from ..model.ground import META_DX, META_DY, META_NX, META_NY
+from .layout import CELL, HOME, LANES, LOWEST, POSE
+
+Array = NDArray[np.float64]
+
+#: Intrinsic that copies the heights at the corners of every lane's cell.
+take_corners = node_taker(2, LANES)
+
+
+@fma_njit
+def set_home(lanes: Array, meta: Array) -> None:
+    """Compute the cell under the body, moved onto the map.
+
+    Args:
+        lanes: the lane array (`layout`).
+        meta: the map header.
+
+    Reads:  POSE.x, POSE.y
+    Writes: HOME (all)
+    """
+    over_x, over_y, last_x, last_y = 1.0 / meta[META_DX], 1.0 / meta[META_DY], meta[META_NX] - 2.0, meta[META_NY] - 2.0
+    for l in range(LANES):
+        i, j = np.floor(lanes[POSE.x + l] * over_x), np.floor(lanes[POSE.y + l] * over_y)
+        lanes[HOME.col + l], lanes[HOME.row + l] = min(max(i, 0.0), last_x), min(max(j, 0.0), last_y)
+
+
+@fma_njit
+def no_gap(lanes: Array) -> None:
+    """Reset the lowest gap of a wheel: none found, all searched, contact under the hub.
+
+    Args:
+        lanes: the lane array (`layout`).
+
+    Reads:  HOME (all)
+    Writes: LOWEST (all)
+    """
+    for l in range(LANES):
+        lanes[LOWEST.gap + l] = lanes[LOWEST.doubt + l] = math.inf
+        lanes[LOWEST.sine + l], lanes[LOWEST.cosine + l], lanes[LOWEST.offset + l], lanes[LOWEST.gx + l], lanes[LOWEST.gy + l] = (
+            0.0,
+            1.0,
+            0.0,
+            0.0,
+            0.0,
+        )
+        lanes[LOWEST.col + l], lanes[LOWEST.row + l] = lanes[HOME.col + l], lanes[HOME.row + l]
+
+
+@fma_njit
+def corners(lanes: Array, grid: Array, meta: Array) -> None:
+    """Move the cells (CELL.col, CELL.row) onto the map, and copy the heights at their corners.
+
+    A cell whose index is NaN becomes the cell under the body.
+
+    Args:
+        lanes: the lane array (`layout`).
+        grid: node heights (bilinear) or spline coefficients (cubic), m.
+        meta: the map header.
+
+    Reads:  CELL.col, CELL.row, HOME (all)
+    Writes: CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11
+    """
+    last_x, last_y = meta[META_NX] - 2.0, meta[META_NY] - 2.0
+    for l in range(LANES):
+        i, j, home_x, home_y = lanes[CELL.col + l], lanes[CELL.row + l], lanes[HOME.col + l], lanes[HOME.row + l]
+        i, j = (i if i == i else home_x), (j if j == j else home_y)
+        i, j = (i if i > 0.0 else 0.0), (j if j > 0.0 else 0.0)
+        lanes[CELL.col + l], lanes[CELL.row + l] = (i if i < last_x else last_x), (j if j < last_y else last_y)
+    take_corners(lanes, CELL.col, CELL.row, grid, CELL.h00, LANES)

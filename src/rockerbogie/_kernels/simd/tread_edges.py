@@ -1,0 +1,356 @@
+"""Gap of the treads of `LANES` wheels over the edges of cells of bilinear terrain.
+
+Inside its width, the lower side of a tread is convex, and straight along the axle. So the lowest gap is over an edge of a cell,
+where the terrain has ridges, or inside a cell (`tread_search`). The tread is nowhere below a parabola that touches it at the same
+height on both sides, because it is convex over u² as well. That bounds the gap over every edge and every cell.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit.decorators import fma_njit, inlined
+from ..model.linkage import P_RADIUS
+from ..model.tolerances import GAP_TIE
+from .layout import BOUND, CELL, LANES, LOWEST, NODES, ROOM, SIDE, TREAD
+
+Array = NDArray[np.float64]
+
+
+@inlined
+def _edge(
+    radius: float, half: float, zh: float, cos: float, tan: float, over: float, az: float,
+    h: float, to: float, u: float, v: float, du: float, dv: float, over_du: float,
+) -> tuple[float, float, float, float, bool]:  # fmt: skip
+    """Return the lowest tread-to-terrain distance over one edge of a cell.
+
+    Args:
+        radius: radius of the wheel, m.
+        half: half its width, m.
+        zh, cos, tan, over, az: `TreadRows`.
+        h: height at the start, m.
+        to: height at the end, m.
+        u, v: start of the edge, m.
+        du, dv: end minus start, m.
+        over_du: 1 / du, kept finite.
+
+    Returns:
+        Gap, sin φ, cos φ, offset, and True if that point is inside the tread.
+    """
+    rise = to - h
+    m = (rise - dv * tan) * cos * over_du  # u / q where T runs along the edge as the terrain does
+    t = min(max((radius * m / math.sqrt(1.0 + m * m) - u) * over_du, 0.0), 1.0)
+    at_u, at_v = u + t * du, v + t * dv
+    square = radius * radius - at_u * at_u
+    q = math.sqrt(max(square, 0.0))
+    s = (at_v - q * az) * over
+    gap = zh + at_v * tan - q * over - h - t * rise
+    return gap, at_u / radius, q / radius, s, (square > 0.0) & (abs(s) <= half)
+
+
+@inlined
+def keep_lower_inside(
+    lanes: Array, l: int, gap: float, sine: float, cosine: float, s: float, col: float, row: float, there: bool
+) -> None:
+    """Keep a point inside the tread if its gap is lower than the lowest so far.
+
+    Args:
+        lanes: the lane array (`layout`).
+        l: lane.
+        gap: its gap, m.
+        sine: sin φ.
+        cosine: cos φ.
+        s: position along the axle, m.
+        col: its cell along x.
+        row: its cell along y.
+        there: True if the point counts.
+
+    Reads:  LOWEST.gap, LOWEST.sine, LOWEST.cosine, LOWEST.offset, LOWEST.col, LOWEST.row
+    Writes: LOWEST.gap, LOWEST.sine, LOWEST.cosine, LOWEST.offset, LOWEST.col, LOWEST.row
+    """
+    least, was_sine, was_cosine, was_s, was_col, was_row = (
+        lanes[LOWEST.gap + l],
+        lanes[LOWEST.sine + l],
+        lanes[LOWEST.cosine + l],
+        lanes[LOWEST.offset + l],
+        lanes[LOWEST.col + l],
+        lanes[LOWEST.row + l],
+    )
+    less = there & (gap < least)
+    lanes[LOWEST.gap + l], lanes[LOWEST.offset + l] = (gap if less else least), (s if less else was_s)
+    lanes[LOWEST.sine + l], lanes[LOWEST.cosine + l] = (sine if less else was_sine), (cosine if less else was_cosine)
+    lanes[LOWEST.col + l], lanes[LOWEST.row + l] = (col if less else was_col), (row if less else was_row)
+
+
+@inlined
+def _under(radius: float, low: float, high: float, u: float, v: float, over_u: float, over_v: float) -> tuple[float, float]:
+    """Return the part of an edge under the tread.
+
+    Args:
+        radius: half the extent along u, m.
+        low: lowest v, m.
+        high: highest v, m.
+        u, v: start of the edge, m.
+        over_u: 1 / (change of u along the edge).
+        over_v: 1 / (change of v along the edge).
+
+    Returns:
+        First and last parameter, within 0 to 1; first > last if there is none.
+    """
+    a, b, c, d = (-radius - u) * over_u, (radius - u) * over_u, (low - v) * over_v, (high - v) * over_v
+    return max(max(min(a, b), min(c, d)), 0.0), min(min(max(a, b), max(c, d)), 1.0)
+
+
+@inlined
+def _room(first: float, last: float, start: float, slope: float, curvature: float, back: float) -> float:
+    """Return the minimum of start + slope t + curvature t² over t from first to last.
+
+    Args:
+        first: first t.
+        last: last t.
+        start: value at t = 0.
+        slope: coefficient of t.
+        curvature: coefficient of t².
+        back: 1 / (2 curvature), kept finite.
+
+    Returns:
+        The minimum; infinite if first > last.
+    """
+    t = min(max(-slope * back, first), last)
+    return start + t * (slope + t * curvature) if first <= last else math.inf
+
+
+@fma_njit
+def bound_edges(lanes: Array, rover: Array, i: int, columns: int, lines: int) -> None:
+    """Compute lower bounds of wheel i's gap over the edges of the grid.
+
+    A bound is for the edges to the right of and above a node; infinite where there are none.
+
+    Args:
+        lanes: the lane array (`layout`).
+        rover: the packed rover.
+        i: index of the wheel.
+        columns: number of nodes along x under the widest of the wheels.
+        lines: number of nodes along y under the widest of the wheels.
+
+    Reads:  TREAD.tan, TREAD.u0, TREAD.v0, TREAD.u_x, TREAD.u_y, TREAD.v_x, TREAD.v_y, TREAD.over_x, TREAD.over_y,
+            TREAD.aside_x, TREAD.aside_y, TREAD.v_low, TREAD.v_high, TREAD.p_0, TREAD.p_uu, TREAD.p_x, TREAD.p_y, TREAD.b_0,
+            TREAD.b_uu, TREAD.b_x, TREAD.b_y, TREAD.col_0, TREAD.row_0, TREAD.col_1, TREAD.row_1, NODES.height
+    Writes: NODES.bound
+    """
+    radius = rover[P_RADIUS + min(max(i, 0), 5)] + GAP_TIE
+    columns, lines = min(max(columns, 0), SIDE), min(max(lines, 0), SIDE)
+    for m in range(lines):
+        for n in range(columns):
+            at = NODES.height + min(m * columns + n, ROOM - 1) * LANES
+            right, above = at + LANES, NODES.height + min((m + 1) * columns + n, ROOM - 1) * LANES
+            out = NODES.bound + min(m * columns + n, ROOM - 1) * LANES
+            for l in range(LANES):
+                h, h_right, h_above = lanes[at + l], lanes[right + l], lanes[above + l]
+                col, row, du, dv, eu, ev = (
+                    lanes[TREAD.col_0 + l] + n,
+                    lanes[TREAD.row_0 + l] + m,
+                    lanes[TREAD.u_x + l],
+                    lanes[TREAD.v_x + l],
+                    lanes[TREAD.u_y + l],
+                    lanes[TREAD.v_y + l],
+                )
+                u, v = lanes[TREAD.u0 + l] + col * du + row * eu, lanes[TREAD.v0 + l] + col * dv + row * ev
+                tan, p, b, square = lanes[TREAD.tan + l], lanes[TREAD.p_uu + l], lanes[TREAD.b_uu + l], u * u
+                level, to_right, to_above = tan * v - h, tan * dv - (h_right - h), tan * ev - (h_above - h)
+                first, last = _under(
+                    radius,
+                    lanes[TREAD.v_low + l],
+                    lanes[TREAD.v_high + l],
+                    u,
+                    v,
+                    lanes[TREAD.over_x + l],
+                    lanes[TREAD.aside_x + l],
+                )
+                of_right = max(
+                    _room(
+                        first,
+                        last,
+                        lanes[TREAD.p_0 + l] + p * square + level,
+                        2.0 * p * u * du + to_right,
+                        p * du * du,
+                        lanes[TREAD.p_x + l],
+                    ),
+                    _room(
+                        first,
+                        last,
+                        lanes[TREAD.b_0 + l] + b * square + level,
+                        2.0 * b * u * du + to_right,
+                        b * du * du,
+                        lanes[TREAD.b_x + l],
+                    ),
+                )
+                first, last = _under(
+                    radius,
+                    lanes[TREAD.v_low + l],
+                    lanes[TREAD.v_high + l],
+                    u,
+                    v,
+                    lanes[TREAD.over_y + l],
+                    lanes[TREAD.aside_y + l],
+                )
+                of_above = max(
+                    _room(
+                        first,
+                        last,
+                        lanes[TREAD.p_0 + l] + p * square + level,
+                        2.0 * p * u * eu + to_above,
+                        p * eu * eu,
+                        lanes[TREAD.p_y + l],
+                    ),
+                    _room(
+                        first,
+                        last,
+                        lanes[TREAD.b_0 + l] + b * square + level,
+                        2.0 * b * u * eu + to_above,
+                        b * eu * eu,
+                        lanes[TREAD.b_y + l],
+                    ),
+                )
+                known = h == h
+                of_right = (
+                    of_right
+                    if known & (h_right == h_right) & (col < lanes[TREAD.col_1 + l]) & (row <= lanes[TREAD.row_1 + l])
+                    else math.inf
+                )
+                of_above = (
+                    of_above
+                    if known & (h_above == h_above) & (col <= lanes[TREAD.col_1 + l]) & (row < lanes[TREAD.row_1 + l])
+                    else math.inf
+                )
+                lanes[out + l] = min(of_right, of_above)
+
+
+@fma_njit
+def take_heights_of_edges(lanes: Array, columns: int) -> None:
+    """Copy the heights of the nodes BOUND.piece and of their neighbours to the right and above.
+
+    Args:
+        lanes: the lane array (`layout`).
+        columns: number of nodes along x under the widest of the wheels.
+
+    Reads:  BOUND.piece, NODES.height
+    Writes: CELL.h00, CELL.h01, CELL.h10
+    """
+    columns = min(max(columns, 0), SIDE)
+    for l in range(LANES):
+        piece = min(max(int(lanes[BOUND.piece + l]), 0), ROOM - 1)
+        lanes[CELL.h00 + l], lanes[CELL.h01 + l] = (
+            lanes[NODES.height + piece * LANES + l],
+            lanes[NODES.height + min(piece + 1, ROOM - 1) * LANES + l],
+        )
+        lanes[CELL.h10 + l] = lanes[NODES.height + min(piece + columns, ROOM - 1) * LANES + l]
+
+
+@fma_njit
+def edges_of_nodes(lanes: Array, rover: Array, i: int) -> None:
+    """Find wheel i's lowest gap over two edges, and keep it if lower.
+
+    The edges are to the right of and above the node (CELL.col, CELL.row).
+
+    Args:
+        lanes: the lane array (`layout`).
+        rover: the packed rover.
+        i: index of the wheel.
+
+    Reads:  BOUND.low, CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, LOWEST.gap, LOWEST.sine, LOWEST.cosine, LOWEST.offset,
+            LOWEST.col, LOWEST.row, TREAD.zh, TREAD.cos, TREAD.tan, TREAD.over, TREAD.az, TREAD.u0, TREAD.v0, TREAD.u_x,
+            TREAD.u_y, TREAD.v_x, TREAD.v_y, TREAD.over_x, TREAD.over_y, TREAD.col_1, TREAD.row_1, TREAD.half
+    Writes: LOWEST.gap, LOWEST.sine, LOWEST.cosine, LOWEST.offset, LOWEST.col, LOWEST.row
+    """
+    i = min(max(i, 0), 5)
+    radius = rover[P_RADIUS + i]
+    for l in range(LANES):
+        col, row, du, dv, eu, ev = (
+            lanes[CELL.col + l],
+            lanes[CELL.row + l],
+            lanes[TREAD.u_x + l],
+            lanes[TREAD.v_x + l],
+            lanes[TREAD.u_y + l],
+            lanes[TREAD.v_y + l],
+        )
+        u, v, h, sought = (
+            lanes[TREAD.u0 + l] + col * du + row * eu,
+            lanes[TREAD.v0 + l] + col * dv + row * ev,
+            lanes[CELL.h00 + l],
+            lanes[BOUND.low + l] < math.inf,
+        )
+        half, zh, cos, tan, over, az = (
+            lanes[TREAD.half + l],
+            lanes[TREAD.zh + l],
+            lanes[TREAD.cos + l],
+            lanes[TREAD.tan + l],
+            lanes[TREAD.over + l],
+            lanes[TREAD.az + l],
+        )
+        end_col, end_row, over_x, over_y = (
+            lanes[TREAD.col_1 + l],
+            lanes[TREAD.row_1 + l],
+            lanes[TREAD.over_x + l],
+            lanes[TREAD.over_y + l],
+        )
+        gap, sine, cosine, s, inside = _edge(radius, half, zh, cos, tan, over, az, h, lanes[CELL.h01 + l], u, v, du, dv, over_x)
+        keep_lower_inside(lanes, l, gap, sine, cosine, s, col, row, sought & inside & (col < end_col) & (row <= end_row))
+        gap, sine, cosine, s, inside = _edge(radius, half, zh, cos, tan, over, az, h, lanes[CELL.h10 + l], u, v, eu, ev, over_y)
+        keep_lower_inside(lanes, l, gap, sine, cosine, s, col, row, sought & inside & (col <= end_col) & (row < end_row))
+
+
+@fma_njit
+def edges_of_cells(lanes: Array, rover: Array, i: int) -> None:
+    """Find wheel i's lowest gap over the four edges of a cell, and keep it if lower.
+
+    Args:
+        lanes: the lane array (`layout`).
+        rover: the packed rover.
+        i: index of the wheel.
+
+    Reads:  CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, LOWEST.gap, LOWEST.sine, LOWEST.cosine, LOWEST.offset,
+            LOWEST.col, LOWEST.row, TREAD.zh, TREAD.cos, TREAD.tan, TREAD.over, TREAD.az, TREAD.u0, TREAD.v0, TREAD.u_x,
+            TREAD.u_y, TREAD.v_x, TREAD.v_y, TREAD.over_x, TREAD.over_y, TREAD.half
+    Writes: LOWEST.gap, LOWEST.sine, LOWEST.cosine, LOWEST.offset, LOWEST.col, LOWEST.row
+    """
+    i = min(max(i, 0), 5)
+    radius = rover[P_RADIUS + i]
+    for l in range(LANES):
+        col, row, du, dv, eu, ev = (
+            lanes[CELL.col + l],
+            lanes[CELL.row + l],
+            lanes[TREAD.u_x + l],
+            lanes[TREAD.v_x + l],
+            lanes[TREAD.u_y + l],
+            lanes[TREAD.v_y + l],
+        )
+        u, v = lanes[TREAD.u0 + l] + col * du + row * eu, lanes[TREAD.v0 + l] + col * dv + row * ev
+        half, zh, cos, tan, over, az = (
+            lanes[TREAD.half + l],
+            lanes[TREAD.zh + l],
+            lanes[TREAD.cos + l],
+            lanes[TREAD.tan + l],
+            lanes[TREAD.over + l],
+            lanes[TREAD.az + l],
+        )
+        over_x, over_y = lanes[TREAD.over_x + l], lanes[TREAD.over_y + l]
+        gap, sine, cosine, s, inside = _edge(
+            radius, half, zh, cos, tan, over, az, lanes[CELL.h00 + l], lanes[CELL.h01 + l], u, v, du, dv, over_x
+        )
+        keep_lower_inside(lanes, l, gap, sine, cosine, s, col, row, inside)
+        gap, sine, cosine, s, inside = _edge(
+            radius, half, zh, cos, tan, over, az, lanes[CELL.h00 + l], lanes[CELL.h10 + l], u, v, eu, ev, over_y
+        )
+        keep_lower_inside(lanes, l, gap, sine, cosine, s, col, row, inside)
+        gap, sine, cosine, s, inside = _edge(
+            radius, half, zh, cos, tan, over, az, lanes[CELL.h10 + l], lanes[CELL.h11 + l], u + eu, v + ev, du, dv, over_x
+        )
+        keep_lower_inside(lanes, l, gap, sine, cosine, s, col, row, inside)
+        gap, sine, cosine, s, inside = _edge(
+            radius, half, zh, cos, tan, over, az, lanes[CELL.h01 + l], lanes[CELL.h11 + l], u + du, v + dv, eu, ev, over_y
+        )
+        keep_lower_inside(lanes, l, gap, sine, cosine, s, col, row, inside)
