@@ -4,7 +4,7 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3 python; do \
 OUT ?= out/reproduce
 BIN := .venv/bin
 
-.PHONY: reproduce test check bench docs clean
+.PHONY: reproduce test test-oldest check bench docs clean
 
 reproduce: .venv/run.stamp  ## the paper's section III: figures, data and report in $(OUT)
 	$(BIN)/rockerbogie reproduce -o $(OUT)
@@ -12,6 +12,9 @@ reproduce: .venv/run.stamp  ## the paper's section III: figures, data and report
 test: .venv/dev.stamp  ## all tests, then those marked nojit again in plain Python
 	$(BIN)/python -m pytest
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -m nojit
+
+test-oldest: .venv-oldest/stamp  ## kernels with the oldest supported numba; test has the newest
+	.venv-oldest/bin/python -m pytest tests/kernels
 
 check: .venv/dev.stamp  ## lint, format, strict types, layers
 	$(BIN)/ruff check
@@ -27,7 +30,7 @@ docs: .venv/docs.stamp  ## the documentation, into docs/_build/html
 	@echo "docs/_build/html/index.html"
 
 clean:  ## what the other targets made
-	rm -rf .venv out docs/_build
+	rm -rf .venv .venv-oldest out docs/_build
 
 .venv/pyvenv.cfg:
 	@test -n "$(PYTHON)" || { echo "rockerbogie needs Python 3.11 or newer: none was found; name one with PYTHON=..." >&2; exit 1; }
@@ -42,6 +45,12 @@ clean:  ## what the other targets made
 	@echo 'installing into .venv, once: a minute or two'
 	$(BIN)/python -m pip install -qq -e '.[dev]'
 	@touch $@ .venv/run.stamp
+
+# numba 0.61.0 has no wheels for Python 3.14 or newer
+.venv-oldest/stamp: pyproject.toml
+	$(PYTHON) -m venv .venv-oldest
+	.venv-oldest/bin/python -m pip install -qq -e . numba==0.61.0 'pytest>=8' 'hypothesis>=6.100'
+	@touch $@
 
 .venv/docs.stamp: pyproject.toml .venv/pyvenv.cfg
 	@echo 'installing into .venv, once: a minute or two'
