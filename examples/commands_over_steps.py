@@ -1,4 +1,4 @@
-"""Steps under one wheel, the other, and both: wheel rates as the ground asks for, against six equal ones, in MuJoCo."""
+"""Compare wheel rates of `drive` with six equal rates over steps, in MuJoCo."""
 
 import sys
 
@@ -20,22 +20,24 @@ def course(height: float) -> rb.Terrain:
 
 
 def slipped(run) -> np.ndarray:
-    """Metres (n,) slipped along their way by all six wheels together, up to each moment."""
+    """Return the distance (n,) that all six treads have slipped along their headings, m."""
     step = np.diff(run["time"].values, prepend=0.0)[:, None]
     return np.nancumsum(np.nansum(np.abs(run["roll_slip"].values) * step, axis=1))
 
 
 runs = {}
+print("| steps | rates of `drive`, load sharing | without load sharing | six equal rates |\n|---|---|---|---|")
 for height in (0.03, 0.05, 0.08):
     ground = course(height)
-    asked = rb.simulate(rover, ground, path, SPEED)  # each wheel at the rate of `drive` where the rover is
-    equal = rb.drive(rover, ground, path, SPEED)
+    plan = rb.drive(rover, ground, path, SPEED)
+    equal = plan.copy(deep=True)
     equal["wheel_rate"][:] = SPEED / rover.wheel_radius
-    same = rb.simulate(rover, ground, path, SPEED, commands=equal)
+    asked = rb.simulate(rover, ground, path, SPEED)  # each wheel at the rate of `drive` at the rover's position
+    alone = rb.simulate(rover, ground, path, SPEED, load_sharing=False)
+    same = rb.simulate(rover, ground, path, commands=equal)
     runs[height] = asked, same
-    a, b = slipped(asked)[-1], slipped(same)[-1]
-    far = f"; equal rates got {float(same['x'][-1] + 0.6):.2f} of {path.length:.2f} m far"
-    print(f"{ground.name}: slip along, all wheels: {a:.3f} m as asked, {b:.3f} m equal: {b / a:.1f} times less{far}")
+    cells = [f"{slipped(run)[-1]:.2f} m, {float(run['x'][-1] + 0.6):.2f} m far" for run in (asked, alone, same)]
+    print(f"| {100 * height:g} cm | {' | '.join(cells)} |", flush=True)
 
 if len(sys.argv) > 1:  # a picture
     from rockerbogie.figures.style import LEFT, RIGHT, figure, look
@@ -44,7 +46,7 @@ if len(sys.argv) > 1:  # a picture
         fig = figure(8.0, 3.2)
         ax = fig.subplots()
         for (height, pair), style in zip(runs.items(), (":", "--", "-"), strict=True):
-            for run, colour, name in zip(pair, (LEFT, RIGHT), ("as the ground asks", "equal rates"), strict=True):
+            for run, colour, name in zip(pair, (LEFT, RIGHT), ("rates of drive", "equal rates"), strict=True):
                 ax.plot(run["x"], slipped(run), color=colour, ls=style, label=f"{100 * height:g} cm, {name}")
         ax.set(xlabel="x (m)", ylabel="slipped so far, six wheels (m)", title="Slip over steps, wheels of 10 cm radius")
         ax.legend(fontsize=8)

@@ -1,4 +1,4 @@
-"""The MuJoCo model is the rover's own mechanism on the rover's own ground, and at rest it lies where `settle` says."""
+"""Tests of the MuJoCo model: mechanism, masses, terrain, and equilibrium as `settle`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 import rockerbogie as rb
-from rockerbogie.simulation.mjcf import TRIANGLE_ERROR, build_spec, default_cell, sample_ground
+from rockerbogie.simulation.height_field import TRIANGLE_ERROR, default_cell, sample_terrain
+from rockerbogie.simulation.mjcf import build_spec
 from support.rigid_drop import DropTower, Rest
 
 PRESETS = ["elhami-dashti", "perseverance", "curiosity", "rocky7", "osr", "sawppy"]
@@ -105,7 +106,7 @@ def test_stops_and_motors() -> None:
 
 @pytest.mark.parametrize("interpolation", ["cubic", "linear"])
 def test_the_height_field_is_the_terrain(interpolation: str) -> None:
-    """Rays from above meet the text's triangles within the promised error of the terrain; its nodes lie on the terrain's."""
+    """Rays meet the triangles within their error of the terrain; nodes lie on its nodes."""
     rover, terrain = rb.load_rover("elhami-dashti"), hills(3.0, 0.1, 0.1, interpolation)
     region = (-0.77, -0.9, 1.03, 0.81)
     model = mujoco.MjModel.from_xml_string(rb.to_mjcf(rover, terrain, region=region))
@@ -116,13 +117,13 @@ def test_the_height_field_is_the_terrain(interpolation: str) -> None:
     down = np.array([0.0, 0, -1])
     far = [mujoco.mj_ray(model, data, np.array([a, b, 5.0]), down, ground_only, 1, -1, hit) for a, b in zip(x, y, strict=True)]
     assert np.abs(5 - np.array(far) - terrain.height(x, y)).max() < 2 * TRIANGLE_ERROR
-    node_x, node_y, _ = sample_ground(terrain, region, default_cell(rover, terrain, region))
+    node_x, node_y, _ = sample_terrain(terrain, region, default_cell(rover, terrain, region))
     assert np.isclose(terrain.x[:, None], node_x, atol=1e-9).any(axis=1).sum() == 20  # nodes from -0.8 to 1.1
     assert np.isclose(terrain.y[:, None], node_y, atol=1e-9).any(axis=1).sum() == 19  # and from -0.9 to 0.9
 
 
 def test_an_exported_rover_comes_to_stand_in_the_middle_of_its_ground() -> None:
-    """The text as it is, left to itself for three seconds: where `settle` says, within a millimetre."""
+    """The text as written, after 3 s: z as `settle` within 1 mm."""
     rover, terrain = rb.load_rover("elhami-dashti"), hills(3.0, 0.1, 0.03)
     model = mujoco.MjModel.from_xml_string(rb.to_mjcf(rover, terrain, region=(-1.0, -1.2, 1.4, 1.2)))
     data = mujoco.MjData(model)
@@ -136,13 +137,13 @@ def test_unknown_ground_is_bridged_and_only_then() -> None:
     z = np.zeros((30, 30))
     z[:, 20:], z[10:12, 10:12] = 1.0, np.nan
     terrain = rb.Terrain.from_array(z, 0.1, interpolation="linear")
-    assert np.isfinite(sample_ground(terrain, None, 0.1)[2]).all()
-    with pytest.raises(rb.TerrainError, match="all unknown"):
-        sample_ground(terrain, (1.01, 1.01, 1.09, 1.09), 0.1)
-    with pytest.raises(rb.TerrainError, match="does not lie on the ground"):
-        sample_ground(terrain, (50, 0, 51, 1), 0.1)
+    assert np.isfinite(sample_terrain(terrain, None, 0.1)[2]).all()
+    with pytest.raises(rb.TerrainError, match="has no data in the region"):
+        sample_terrain(terrain, (1.01, 1.01, 1.09, 1.09), 0.1)
+    with pytest.raises(rb.TerrainError, match="does not lie on the terrain"):
+        sample_terrain(terrain, (50, 0, 51, 1), 0.1)
     with pytest.raises(rb.TerrainError, match="more than 20,000,000"):
-        sample_ground(terrain, None, 1e-4)
+        sample_terrain(terrain, None, 1e-4)
 
 
 @pytest.mark.parametrize("name", ["elhami-dashti", "perseverance"])
@@ -160,8 +161,10 @@ def test_at_rest_on_a_tilted_plane(name: str, tilt: float, way: float) -> None:
 
 @pytest.mark.parametrize("name", ["elhami-dashti", "perseverance"])
 def test_at_rest_astride_a_ledge(name: str) -> None:
-    """The left wheels on a box: level ground under tilted wheels, by 10 degrees. An ellipsoid stands for a disc, a cylinder rests
-    on an edge."""
+    """The left wheels on a box: wheels tilted by 10 degrees on level terrain.
+
+    An ellipsoid stands for a disc, a cylinder touches with an edge.
+    """
     rover = rb.load_rover(name)
     ledge = 0.09 * rover.wheelbase
     box = {"type": "box", "size": [3, 1.5, ledge / 2], "pos": [0, 1.6, ledge / 2]}
@@ -174,7 +177,7 @@ def test_at_rest_astride_a_ledge(name: str) -> None:
 
 
 def check_at_rest(rest: Rest, pose: rb.Pose) -> None:
-    """Within 0.03 mm and 0.01 deg: what contacts give way (0.01 mm) and an ellipsoid's breadth (0.02 mm)."""
+    """Check 0.03 mm and 0.01 deg: contact depth (0.01 mm) and ellipsoid width (0.02 mm)."""
     assert rest.at_rest
     assert abs(rest.z - pose.z) < 3e-5
     assert np.degrees(np.abs([rest.roll - pose.roll, rest.pitch - pose.pitch, rest.rocker - pose.rocker])).max() < 0.01
@@ -183,7 +186,7 @@ def check_at_rest(rest: Rest, pose: rb.Pose) -> None:
 
 @pytest.mark.parametrize("name", ["elhami-dashti", "perseverance", "rocky7"])
 def test_at_rest_on_rough_ground(name: str) -> None:
-    """Let down at random on steep creased ground with wheels steered: within 0.05 deg and 1 mm RMS of `settle`."""
+    """Random drops on steep creased terrain: within 0.05 deg and 1 mm RMS of `settle`."""
     rover = rb.load_rover(name)
     size = rover.wheelbase
     terrain = hills(6 * size, 0.06 * size, 0.16 * size, "linear")

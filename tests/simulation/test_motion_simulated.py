@@ -1,4 +1,4 @@
-"""Odometry, slip and commands held against MuJoCo; odometry and slip against a rover that drove on Mars."""
+"""Tests of odometry, slip and commands against MuJoCo and a drive on Mars."""
 
 from __future__ import annotations
 
@@ -67,13 +67,16 @@ def test_slip_follows_friction_on_a_slope():
     ground = rb.surfaces.plane(np.radians(15), np.pi, size=8.0)
     path = rb.Path.straight((-1.0, 0.0), 0.0, 0.6)
     ratio = {}
-    for friction in (0.8, 0.3):
+    for friction in (0.8, 0.28):  # tan(15 deg) = 0.268
         run = rb.simulate(rover, ground, path, 0.05, friction=friction).isel(time=slice(10, None))
         slip = estimated_slip(rover, run)
         off = (slip.ratio - run["slip_ratio"].values)[np.isfinite(run["slip_ratio"].values)]
         assert np.sqrt(np.mean(off**2)) < 0.01, "slip ratio within 0.01 RMS of MuJoCo's"
         ratio[friction] = float(np.nanmean(slip.ratio))
-    assert ratio[0.3] > ratio[0.8] + 0.05, f"wheels slip more where friction is less: {ratio}"
+    assert ratio[0.8] < 0.002 < 0.02 < ratio[0.28], f"wheels slip more where friction is less: {ratio}"
+    slid = rb.simulate(rover, ground, path, 0.05, friction=0.25)
+    assert slid["x"][-1] < slid["x"][0], "below tan(15 deg) it slides down"
+    assert slid.attrs["wheel_rate_error_share"] < 0.02, "while its wheels hold their rates"
 
 
 def test_commands_as_the_ground_asks_slip_less_than_equal_ones():
@@ -132,7 +135,7 @@ def test_command_line(tmp_path, capsys):
 
 
 def test_open_loop_commands_report_slip_beside_the_prediction():
-    """A rover whose rear wheels alone steer: six wheels cannot agree upon an arc, and the Jacobians say by how much."""
+    """Only the rear wheels steer: the Jacobians predict the side slip on an arc."""
     rover, ground = paper_rover(), rb.surfaces.plane(size=6.0)
     path = rb.Path.arc((-0.6, 0.0), 0.0, 1.5, 0.6)
     run = rb.drive(rover, ground, path, 0.05)
@@ -140,7 +143,7 @@ def test_open_loop_commands_report_slip_beside_the_prediction():
     assert_close(played["wheel_rate_command"][0], run["wheel_rate"][50], 0.05, "rad/s", "the run's own commands are played")
     measured, expected = (played[name].mean("time").values for name in ("side_slip", "side_slip_predicted"))
     fixed = ~rover.steers
-    assert_close(measured[fixed], expected[fixed], 3e-3, "m/s", "of 50: Coulomb friction shares slip out a little otherwise")
+    assert_close(measured[fixed], expected[fixed], 5e-3, "m/s", "of 50: the prediction is a least square, friction is Coulomb's")
     assert (np.sign(measured[fixed]) == np.sign(expected[fixed])).all()
 
 

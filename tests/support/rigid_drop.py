@@ -15,7 +15,8 @@ import numpy as np
 
 from rockerbogie import Rover, Terrain, wheel_frames
 from rockerbogie.rover.frames import ON_BOGIE, WHEEL_SIDE
-from rockerbogie.simulation.mjcf import add_mechanism, add_terrain, default_cell, empty_spec, ground_contact
+from rockerbogie.simulation.height_field import add_terrain, default_cell, terrain_contact
+from rockerbogie.simulation.mjcf import add_mechanism, empty_spec
 
 SHAPES = {
     "plane": mujoco.mjtGeom.mjGEOM_PLANE,
@@ -85,7 +86,7 @@ class DropTower:
                 if "vertices" in given:
                     spec.add_mesh(name=f"solid_{k}", uservert=np.ravel(given.pop("vertices")))
                     given["meshname"] = f"solid_{k}"
-                spec.worldbody.add_geom(**given, **ground_contact())
+                spec.worldbody.add_geom(**given, **terrain_contact())
         base = spec.worldbody.add_body(name="body")
         base.add_joint(name="z", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
         base.add_joint(name="pitch", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0])

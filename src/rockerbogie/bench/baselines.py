@@ -14,7 +14,8 @@ from .._kernels.jit.parallel import threads
 from ..paper.baseline import RIM_POINTS, Contact, fsolve_settle
 from ..rover.formats import to_urdf
 from ..rover.model import Rover
-from ..simulation.mjcf import add_mechanism, add_terrain, default_cell, empty_spec
+from ..simulation.height_field import add_terrain, default_cell
+from ..simulation.mjcf import add_mechanism, empty_spec
 from ..terrain.heightfield import Terrain
 from .cases import Case
 from .clock import each

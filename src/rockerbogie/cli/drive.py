@@ -23,7 +23,7 @@ from ..rover.model import Rover
 from ..settling.engines import Mode
 from ..settling.status import MEANING, Status
 from ..simulation.compare import compare, settle_along
-from ..simulation.simulate import simulate as simulate_rover
+from ..simulation.simulate import simulate_plan
 from ..terrain.heightfield import Terrain
 from .common import (
     Folder,
@@ -48,6 +48,10 @@ if TYPE_CHECKING:
 
 #: Exit code if a simulated rover ends further from the path's end than the share SHORT of its length: a result, not a wrong call.
 EXIT_NOT_THERE, SHORT = 1, 0.05
+#: Attributes of a simulated run about its hub motors.
+MOTORS = ("wheel_rate_error_share", "torque_limit", "torque_limited")
+#: Wheels hold their rates up to this error, as a share of the largest command; they slip above this mean slip ratio.
+HELD, SLIPPED = 0.1, 0.1
 
 Waypoints = Annotated[str | None, Parameter(name=["--path", "-p"], allow_leading_hyphen=True)]
 
@@ -141,6 +145,7 @@ def simulate(
     radius: float = 1.0,
     speed: float = 0.02,
     friction: float = 0.8,
+    torque: float | None = None,
     linear: Linear = None,
     raster: Raster = None,
     output: Folder = None,
@@ -168,6 +173,8 @@ def simulate(
         Speed along the path, m/s. The simulation takes as long as the drive has steps: use a higher speed for long paths.
     friction
         Coefficient of sliding friction between wheels and terrain.
+    torque
+        Torque limit of each hub motor, N·m. Default: 0.4 times weight times wheel radius, as the JPL Open Source Rover's motors.
     linear
         Bilinear or smooth cubic terrain between the nodes. Default: cubic for files.
     output
@@ -185,14 +192,10 @@ def simulate(
     run = _on_map(drive_rover(machine, ground, way, speed), ground)
     with progress() as bar:
         task = bar.add_task("simulating", total=1.0)
-        sim = simulate_rover(
-            machine,
-            ground,
-            way,
-            speed,
-            friction=friction,
-            progress=lambda done, total: bar.update(task, completed=done, total=total),
-        )
+        sim = simulate_plan(
+            machine, ground, way, run,
+            friction=friction, torque=torque, progress=lambda done, total: bar.update(task, completed=done, total=total),
+        )  # fmt: skip
     beside = settle_along(machine, ground, sim)
     comparison = compare(beside, sim)
     files = _write_run(machine, ground, sim, output, "simulation")
@@ -204,20 +207,63 @@ def simulate(
         for name, figure in (("attitude.png", "figure7"), ("joints.png", "figure8")):
             files.append(save(angles_figure(*drawn[figure], run, sim, beside, {}), output / name))
     short = float(sim.attrs["short_of_end"])
-    summary = _summary(sim) | {"short_of_end": short}
+    motors = {name: float(sim.attrs[name]) for name in MOTORS}
+    summary = _summary(sim) | {"short_of_end": short} | motors
     if json:
-        print_json(summary | {"difference": comparison.to_dict(), "files": files})
+        print_json(summary | {"difference": comparison.to_dict(), "left_out": comparison.unlike, "files": files})
     else:
         _print_summary(machine, summary)
-        print(comparison, *files, sep="\n")
+        print(comparison, _tracking(motors), *files, sep="\n")
     if short <= SHORT * way.length:
         return 0
     print(
-        f"rockerbogie: the rover ends {short:.2f} m short of the path's end, {way.length:.2f} m away: on friction {friction:g} "
-        "its wheels slip, it tips over or an obstacle holds it; try more friction or another path",
+        f"rockerbogie: the rover ends {short:.2f} m short of the path's end, {way.length:.2f} m away: {_why_short(sim)}",
         file=sys.stderr,
     )
     return EXIT_NOT_THERE
+
+
+def _tracking(motors: dict[str, float]) -> str:
+    """Return a sentence on how well the hub motors kept their commanded rates.
+
+    Args:
+        motors: the attributes MOTORS of a simulated run.
+
+    Returns:
+        One line.
+    """
+    error = motors["wheel_rate_error_share"]
+    text = "no rate error known (shorter than 2 s)" if np.isnan(error) else f"worst rate error {100 * error:.2g} % over 1 s"
+    limit, limited = motors["torque_limit"], 100 * motors["torque_limited"]
+    return f"hub motors: {text}; at the torque limit of {limit:.3g} N·m in {limited:.2g} % of the records"
+
+
+def _why_short(sim: xr.Dataset) -> str:
+    """Return why a simulated rover did not reach the end of its path.
+
+    Args:
+        sim: run of `simulate`.
+
+    Returns:
+        End of a sentence: the cause, and what to change.
+    """
+    last = Status(int(sim["status"][-1]))
+    if last in (Status.TIPPED, Status.OFF_MAP, Status.NO_DATA):
+        why, remedy = MEANING[last] if last != Status.TIPPED else ("it tipped over", "take another path")
+        return f"after {float(sim['time'][-1]):.1f} s, {why}; {remedy}"
+    error, limited = float(sim.attrs["wheel_rate_error_share"]), float(sim.attrs["torque_limited"])
+    slip = float(np.nanmean(np.abs(sim["slip_ratio"].to_numpy()[sim.sizes["time"] // 2 :])))
+    if error > HELD and limited > 0:
+        return (
+            f"its motors were at their limit of {sim.attrs['torque_limit']:.3g} N·m in {100 * limited:.2g} % of the records "
+            f"and missed their commanded rate by up to {100 * error:.2g} %; give a higher --torque or another path"
+        )
+    if slip > SLIPPED:
+        return (
+            f"its wheels held their rates but slipped (mean slip ratio {slip:.2f} in the second half) on friction "
+            f"{sim.attrs['friction']:g}; try more friction or another path"
+        )
+    return "its wheels held their rates and did not slip much; see map.png of -o for where it went"
 
 
 def _path(text: str | None, radius: float, rover: Rover, terrain: Terrain) -> Path:

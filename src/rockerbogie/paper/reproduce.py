@@ -17,7 +17,7 @@ from ..motion.path import Path
 from ..rover.formats import load_rover
 from ..rover.model import Rover
 from ..simulation.compare import PRINTED, Comparison, compare, settle_along
-from ..simulation.simulate import simulate
+from ..simulation.simulate import simulate_plan
 from ..terrain import surfaces
 from ..terrain.heightfield import Terrain
 from .claims import Claim, Crossing, check_claims
@@ -69,8 +69,8 @@ def reproduce(folder: FilePath, progress: Progress = lambda what, share: None) -
     run = drive(rover, terrain, path, SPEED, step=STEP)
     model_time = time.perf_counter() - began
     began = time.perf_counter()
-    sim = simulate(
-        rover, terrain, path, SPEED, progress=lambda done, total: progress("rigid-body simulation", 0.05 + 0.65 * done / total)
+    sim = simulate_plan(
+        rover, terrain, path, run, progress=lambda done, total: progress("rigid-body simulation", 0.05 + 0.65 * done / total)
     )
     sim_time = time.perf_counter() - began
 

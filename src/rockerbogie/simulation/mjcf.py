@@ -1,9 +1,9 @@
-"""The rover as a MuJoCo model: the same mechanism, the same ground, with masses, motors and friction.
+"""MuJoCo model of a rover, with or without a terrain.
 
-Names in the model, for a wheel called LF: bodies `body`, `rocker_left`, `rocker_right`, `bogie_left`, `bogie_right`,
+Names in the model, for a wheel named LF: bodies `body`, `rocker_left`, `rocker_right`, `bogie_left`, `bogie_right`,
 `wheel_LF`; joints `free`, `rocker_left`, `rocker_right`, `bogie_left`, `bogie_right`, `steer_LF` (wheels that steer), `wheel_LF`;
-actuators `steer_LF` (position, rad) and `wheel_LF` (speed, rad/s); equality `differential`; colliding geoms `wheel_LF`,
-`body` and `terrain`.
+actuators `steer_LF` (angle, rad) and `wheel_LF` (rate, rad/s); equality `differential`; geoms with contact `wheel_LF`,
+`body` and `terrain`; keyframe `settled` (with a terrain).
 """
 
 from __future__ import annotations
@@ -11,42 +11,39 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from ..errors import TerrainError, expect
+from ..errors import expect
 from ..rover.differential import quartic
 from ..rover.formats.mjcf_write import exact_text
 from ..rover.frames import ON_BOGIE, WHEEL_SIDE
 from ..rover.model import LOAD_ROVER, Link, Rover
+from ..settling.pose import Pose
 from ..settling.settle import settle
 from ..terrain.heightfield import Terrain
+from .height_field import Region, add_terrain, default_cell
+from .motors import GRAVITY, add_motors
 
 Array = NDArray[np.float64]
-Region = tuple[float, float, float, float]
 
 SIDES = ("left", "right")
-#: A disc (width 0) becomes an ellipsoid of revolution this many radii thick to either side: on ground tilted by α across the axle
-#: it stands 0.005 r tan²α higher than the disc would (0.02 mm for the paper's wheel and a roll of 10 deg).
-DISC_HALF_BREADTH = 0.1
-#: Contacts: time constant (s), damping ratio; and impedance d. At rest they give way by (1 - d) / d · g · (0.01 s)² = 0.11 mm,
-#: whatever the rover weighs, under all wheels alike. Stiffer ones make a wheel that is dragged sideways chatter.
+#: Half the width of a disc (width 0) in wheel radii. It becomes an ellipsoid of revolution. On terrain tilted by α across the
+#: axle, that is 0.005 r tan²α higher than the disc (0.02 mm for the paper's wheel and a roll of 10 deg).
+DISC_HALF_WIDTH = 0.1
+#: Contacts: time constant (s) and damping ratio; impedance d. At rest a contact is (1 - d) / d · g · (0.01 s)² = 0.11 mm deep,
+#: the same under all wheels and for every mass. Stiffer contacts make a wheel that slides sideways chatter.
 SOLREF = (0.01, 1.0)
 SOLIMP = (0.9, 0.9, 0.001, 0.5, 2.0)
-#: The differential and the stops, which nothing drags over: they give way by less than 0.001 deg.
+#: Stiffness of friction over that of the contact along its normal. MuJoCo's friction is a function of the sliding velocity, so
+#: a loaded wheel creeps; the creep is inversely proportional to this number (docs/simulation.md).
+FRICTION_STIFFNESS = 100.0
+#: Impedance of the differential and the joint limits: their error is below 0.001 deg.
 JOINT_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
-#: The triangles under the wheels stay this close to the ground they stand for, m, as far as the coarsest cells below allow.
-TRIANGLE_ERROR = 1e-4
-#: Cells no finer than these shares of a wheel's radius and breadth: the first keeps a contact's dent well inside a cell, the
-#: second keeps a wheel within the 50 contacts MuJoCo holds for a pair of geoms.
-CELL_OF_RADIUS, CELL_OF_BREADTH = 1 / 10, 1 / 8
-#: Most nodes of a height field.
-MOST_NODES = 20_000_000
-#: Links without mass get this share of the rover's: a simulator cannot move what has none.
+#: Mass of a link without mass, as a share of the rover's: MuJoCo cannot move a body without mass.
 LEAST_MASS_SHARE = 1e-4
 TIMESTEP = 0.005  # s
-#: Motors. Behind its gears each has the inertia of this share of the rover's mass at the wheel's rim, which is nothing at rover
-#: speeds; a hub's servo makes up its rate within SERVO_TIME, a steering servo its angle within LAG_TIME, s.
-ROTOR_SHARE, SERVO_TIME, LAG_TIME = 0.7, 0.02, 0.1
+#: Height above the terrain at which an exported rover starts with its joints at 0, m.
+START_GAP = 0.01
 
 
 def to_mjcf(
@@ -56,30 +53,36 @@ def to_mjcf(
     region: Region | None = None,
     cell: float | None = None,
     friction: float = 0.8,
+    torque: ArrayLike | None = None,
 ) -> str:
-    """The rover, and the ground if given, as MJCF text; the mechanism exact to the last digit.
+    """Write the rover, with or without a terrain, as MJCF text.
 
-    Rockers and bogies are hinges within the rover's stops, the differential a joint equality, masses and inertias the links' own.
-    A wheel is a cylinder of its width, or for width 0 a thin ellipsoid that touches where the disc would within 0.0005 radii; its
-    hub has a speed servo, its steering axis an angle servo (docs/simulation.md).
+    Lengths, angles and masses of the mechanism are exact. Rockers and bogies are hinges with the rover's joint limits, the
+    differential is a joint equality. A wheel is a cylinder of its width; with width 0 it is a thin ellipsoid that touches
+    within 0.0005 radii of the disc. Each hub has a geared rate servo with a torque limit, each steering axis an angle servo
+    (docs/simulation.md).
 
     Args:
-        terrain: becomes the height field `terrain`, its heights in the text itself; the rover starts half a wheel's radius above
-            its middle, if it can stand there. None leaves the rover alone in space.
-        region: (xmin, ymin, xmax, ymax) of the ground to take, m. Default: all of it.
-        cell: step of the height field, m. Default: fine enough for its triangles to follow the terrain's curved cells.
-        friction: coefficient of sliding friction between wheels and ground.
+        rover: the mechanism.
+        terrain: becomes the height field `terrain`, its heights in the text itself. The rover starts in the middle of it, just
+            above the terrain, with its joints at 0; the keyframe `settled` holds its settled pose. None: no terrain.
+        region: (xmin, ymin, xmax, ymax) of the terrain to take, m. Default: all of it.
+        cell: distance between nodes of the height field, m. Default: small enough for its triangles to fit the curved cells.
+        friction: coefficient of sliding friction between wheels and terrain.
+        torque: torque limit of the hub motors, a number or (6,), N·m. Default: `motors.TORQUE_SHARE` m g r.
+
+    Returns:
+        MJCF text.
 
     Raises:
-        RoverError: a differential above the fourth power, MuJoCo's highest, that no quartic follows over the rocker's stops.
-        TerrainError: no known ground in the region.
+        RoverError: a differential above the fourth power, MuJoCo's highest, that no quartic fits between the joint limits.
+        TerrainError: a region without data.
+        RockerbogieError: a torque that is not above 0.
     """
-    spec = build_spec(rover, terrain, region=region, cell=cell, friction=friction)
+    spec = build_spec(rover, terrain, region=region, cell=cell, friction=friction, torque=torque)
     if terrain is not None:
         xmin, ymin, xmax, ymax = region or terrain.bounds
-        pose = settle(rover, terrain, (xmin + xmax) / 2, (ymin + ymax) / 2)
-        if np.isfinite(pose.z):
-            spec.body("body").pos = pose.x, pose.y, pose.z + rover.wheel_radius.max() / 2
+        _add_start(spec, rover, settle(rover, terrain, (xmin + xmax) / 2, (ymin + ymax) / 2))
     return exact_text(spec)
 
 
@@ -90,8 +93,19 @@ def build_spec(
     region: Region | None = None,
     cell: float | None = None,
     friction: float = 0.8,
+    torque: ArrayLike | None = None,
 ) -> Any:
-    """What `to_mjcf` writes, as a `mujoco.MjSpec` that can be added to and compiled at full precision."""
+    """Build the model that `to_mjcf` writes, to be extended and compiled at full precision.
+
+    Args:
+        rover, terrain, region, cell, friction, torque: as for `to_mjcf`.
+
+    Returns:
+        `mujoco.MjSpec`.
+
+    Raises:
+        RoverError, TerrainError, RockerbogieError: as for `to_mjcf`.
+    """
     expect(rover, Rover, "rover", LOAD_ROVER)
     spec = empty_spec(rover.name)
     if terrain is not None:
@@ -99,31 +113,45 @@ def build_spec(
     base = spec.worldbody.add_body(name="body")
     base.add_freejoint(name="free")
     add_mechanism(spec, rover, base, friction=friction)
-    _add_drives(spec, rover)
+    add_motors(spec, rover, torque)
     return spec
 
 
 def empty_spec(name: str) -> Any:
-    """A world of ours with nothing in it: solver, contacts and light set."""
+    """Build an empty world with this package's solver, contact and light settings.
+
+    Args:
+        name: name of the model.
+
+    Returns:
+        `mujoco.MjSpec`.
+    """
     import mujoco
 
     spec = mujoco.MjSpec()
     spec.modelname = name
     spec.compiler.degree = False
     spec.compiler.balanceinertia = True
+    spec.option.gravity = [0, 0, -GRAVITY]
     spec.option.timestep = TIMESTEP
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    spec.option.ccd_tolerance = 1e-9  # coarser contacts between a wheel and small triangles kick it
+    spec.option.impratio = FRICTION_STIFFNESS
+    spec.option.ccd_tolerance = 1e-9  # less accurate contacts between a wheel and small triangles give it impulses
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 720
     spec.worldbody.add_light(pos=[0, 0, 10], type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL)
     return spec
 
 
 def add_mechanism(spec: Any, rover: Rover, base: Any, *, friction: float, wheel_joints: bool = True) -> None:
-    """Hang the rover on `base`, a body whose joints are the caller's.
+    """Add rockers, bogies, wheels and the differential to a body.
 
-    Without `wheel_joints` the wheels are fixed where they stand, braked and straight.
+    Args:
+        spec: `mujoco.MjSpec`; it is changed.
+        rover: the mechanism.
+        base: the rover's body in `spec`. The caller adds its joints.
+        friction: coefficient of sliding friction between wheels and terrain.
+        wheel_joints: False fixes the wheels, braked and straight.
     """
     import mujoco
 
@@ -163,78 +191,15 @@ def add_mechanism(spec: Any, rover: Rover, base: Any, *, friction: float, wheel_
         _add_tread(rover, wheel, i, friction)
 
 
-def add_terrain(spec: Any, terrain: Terrain, region: Region | None, cell: float) -> None:
-    """Lay the ground as the height field `terrain`, its nodes `cell` apart or a little closer."""
-    import mujoco
-
-    x, y, z = sample_ground(terrain, region, cell)
-    low, rise = float(z.min()), max(float(np.ptp(z)), 1e-3)
-    spec.add_hfield(
-        name="terrain", nrow=len(y), ncol=len(x), size=[np.ptp(x) / 2, np.ptp(y) / 2, rise, 0.1],
-        userdata=((z - low) / rise).ravel(),
-    )  # fmt: skip
-    spec.worldbody.add_geom(
-        name="terrain", type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="terrain",
-        pos=[(x[0] + x[-1]) / 2, (y[0] + y[-1]) / 2, low], rgba=[0.7, 0.45, 0.3, 1], **ground_contact(),
-    )  # fmt: skip
-
-
-def sample_ground(terrain: Terrain, region: Region | None, cell: float) -> tuple[Array, Array, Array]:
-    """x (cols,), y (rows,) and heights (rows, cols), unknown ones from their nearest known.
-
-    Nodes fall on the terrain's own, so that a linear ground keeps its creases: a whole number to each of its cells, or
-    of its cells to each of theirs.
-    """
-    low_x, low_y, high_x, high_y = region or terrain.bounds
-    x, y = _nodes(terrain.x, low_x, high_x, cell), _nodes(terrain.y, low_y, high_y, cell)
-    if len(x) * len(y) > MOST_NODES:
-        raise TerrainError(
-            f"ground {terrain.name!r} takes {len(x)} x {len(y)} nodes {x[1] - x[0]:.3g} m apart to simulate, more than "
-            f"{MOST_NODES:,}: take a smaller region or a shorter path"
-        )
-    z = terrain.height(*np.meshgrid(x, y))
-    unknown = np.isnan(z)
-    if unknown.all():
-        raise TerrainError(
-            f"ground {terrain.name!r} is all unknown (nan) in the region {region or terrain.bounds}: choose another place"
-        )
-    if unknown.any():
-        from scipy.ndimage import distance_transform_edt
-
-        z = z[tuple(distance_transform_edt(unknown, return_distances=False, return_indices=True))]
-    return x, y, z
-
-
-def default_cell(rover: Rover, terrain: Terrain, region: Region | None = None) -> float:
-    """As fine as `TRIANGLE_ERROR` asks, as coarse as the wheels need."""
-    coarsest = max(CELL_OF_RADIUS * float(rover.wheel_radius.min()), CELL_OF_BREADTH * float(rover.wheel_width.max()))
-    step = min(terrain.spacing)
-    if step <= coarsest:
-        return coarsest
-    _, _, z = sample_ground(terrain, region, step / 2)
-    middle, corners = z[1:-1:2, 1:-1:2], (z[:-2:2, :-2:2], z[2::2, 2::2], z[:-2:2, 2::2], z[2::2, :-2:2])
-    error = max(float(np.abs(middle - (a + b) / 2).max()) for a, b in (corners[:2], corners[2:]))
-    divisions = max(np.sqrt(error / TRIANGLE_ERROR), 1.0)  # a triangle's error falls with the square of its cell
-    return float(max(step / divisions, coarsest))
-
-
-def _nodes(own: Array, low: float, high: float, cell: float) -> Array:
-    """Evenly spaced nodes over [low, high], cut to the terrain's own along this axis."""
-    step = own[1] - own[0]
-    first = max(int(np.floor((low - own[0]) / step + 1e-9)), 0)
-    last = min(int(np.ceil((high - own[0]) / step - 1e-9)), len(own) - 1)
-    if first >= last:
-        raise TerrainError(
-            f"the region from {low:g} to {high:g} m does not lie on the ground, which spans {own[0]:g} to {own[-1]:g} m"
-        )
-    if cell > step:
-        stride = min(round(cell / step), last - first)
-        return own[first : last + 1 : stride]
-    return np.linspace(own[first], own[last], (last - first) * int(np.ceil(step / cell - 1e-9)) + 1)
-
-
 def _contact(friction: float) -> dict[str, Any]:
-    """Parts of the rover touch the ground and not one another."""
+    """Return geom attributes of rover parts that touch the terrain but not each other.
+
+    Args:
+        friction: coefficient of sliding friction.
+
+    Returns:
+        Attributes for `add_geom`.
+    """
     return {
         "contype": 0,
         "conaffinity": 1,
@@ -245,22 +210,32 @@ def _contact(friction: float) -> dict[str, Any]:
     }
 
 
-def ground_contact() -> dict[str, Any]:
-    """Ground touches the rover alone, and takes the rover's friction and stiffness."""
-    return {"contype": 1, "conaffinity": 0, "priority": -1, "group": 1}
-
-
 def _add_hinge(body: Any, name: str, limits: Array | None) -> None:
+    """Add a hinge about y.
+
+    Args:
+        body: the body that turns.
+        name: name of the joint.
+        limits: (2,) rad. None: no limits.
+    """
     import mujoco
 
     joint = body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0])
     if limits is not None and np.isfinite(limits).any():
         joint.limited = mujoco.mjtLimited.mjLIMITED_TRUE
-        joint.range = np.clip(limits, -4 * np.pi, 4 * np.pi)  # an open side is one no linkage reaches
+        joint.range = np.clip(limits, -4 * np.pi, 4 * np.pi)  # a side without a limit gets one that no linkage reaches
         joint.solref_limit, joint.solimp_limit = SOLREF, JOINT_SOLIMP
 
 
 def _set_inertia(rover: Rover, body: Any, link: Link, origin: Array) -> None:
+    """Set a body's mass, centre of mass and inertia.
+
+    Args:
+        rover: gives the smallest mass of a body.
+        body: the body.
+        link: mass and inertia; centre of mass in the rover's body frame.
+        origin: (3,) the body's frame in the rover's body frame, m.
+    """
     least = LEAST_MASS_SHARE * rover.mass
     inertia = link.inertia + np.eye(3) * (0.0 if link.mass >= least else least * rover.wheel_radius.min() ** 2)
     body.explicitinertial = True
@@ -270,18 +245,33 @@ def _set_inertia(rover: Rover, body: Any, link: Link, origin: Array) -> None:
 
 
 def _add_tread(rover: Rover, body: Any, wheel: int, friction: float) -> None:
+    """Add a wheel's geom.
+
+    Args:
+        rover: gives the wheel's size.
+        body: the wheel's body.
+        wheel: index of the wheel.
+        friction: coefficient of sliding friction.
+    """
     import mujoco
 
     r, width = float(rover.wheel_radius[wheel]), float(rover.wheel_width[wheel])
     if width > 0:
         shape = {"type": mujoco.mjtGeom.mjGEOM_CYLINDER, "size": [r, width / 2, 0], "quat": [np.sqrt(0.5), np.sqrt(0.5), 0, 0]}
     else:
-        shape = {"type": mujoco.mjtGeom.mjGEOM_ELLIPSOID, "size": [r, DISC_HALF_BREADTH * r, r]}
+        shape = {"type": mujoco.mjtGeom.mjGEOM_ELLIPSOID, "size": [r, DISC_HALF_WIDTH * r, r]}
     body.add_geom(name=body.name, rgba=[0.25, 0.25, 0.27, 1], **shape, **_contact(friction))
 
 
 def _add_arm(rover: Rover, body: Any, origin: Array, ends: tuple[Array, Array]) -> None:
-    """Capsules to look at: they touch nothing and weigh nothing."""
+    """Add capsules that show a link. They have no contact and no mass.
+
+    Args:
+        rover: gives the thickness.
+        body: the link's body.
+        origin: (3,) its frame in the rover's body frame, m.
+        ends: (3,) points where the link ends, in the rover's body frame, m.
+    """
     import mujoco
 
     thickness = 0.12 * float(rover.wheel_radius.min())
@@ -294,7 +284,13 @@ def _add_arm(rover: Rover, body: Any, origin: Array, ends: tuple[Array, Array]) 
 
 
 def _add_differential(spec: Any, rover: Rover) -> None:
-    """right = Σ cₖ leftᵏ: MuJoCo's joint equality makes joint 1 (right) a quartic of joint 2 (left)."""
+    """Add the differential right = Σ cₖ leftᵏ as a joint equality.
+
+    MuJoCo makes joint 1 (right) a quartic of joint 2 (left).
+    Args:
+        spec: `mujoco.MjSpec` that holds the rockers; it is changed.
+        rover: gives the polynomial.
+    """
     import mujoco
 
     c = np.trim_zeros(rover.differential, "b")
@@ -312,18 +308,30 @@ def _add_differential(spec: Any, rover: Rover) -> None:
     tie.solref, tie.solimp = SOLREF, JOINT_SOLIMP
 
 
-def _add_drives(spec: Any, rover: Rover) -> None:
-    """In each hub a speed servo, soft enough that six wheels share the work; on each steering axis one that holds its angle."""
+def _add_start(spec: Any, rover: Rover, pose: Pose) -> None:
+    """Set where the rover starts, and add the keyframe `settled`.
+
+    Args:
+        spec: `mujoco.MjSpec` that holds the rover; it is changed, unless the pose is NaN.
+        rover: the rover.
+        pose: one settled pose. The rover starts with its attitude and its joints at 0, `START_GAP` above the terrain.
+    """
     import mujoco
 
-    rotor = ROTOR_SHARE * rover.mass * float(rover.wheel_radius.max()) ** 2  # kg m²
-    stiffness = rotor / SERVO_TIME  # Nm s/rad
-    for joint in spec.joints:
-        if joint.name.startswith(("wheel_", "steer_")):
-            joint.armature = rotor
-    for i, name in enumerate(rover.wheel_names):
-        drive = spec.add_actuator(name=f"wheel_{name}", target=f"wheel_{name}", trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        drive.set_to_velocity(kv=stiffness)
-        if rover.steers[i]:
-            steer = spec.add_actuator(name=f"steer_{name}", target=f"steer_{name}", trntype=mujoco.mjtTrn.mjTRN_JOINT)
-            steer.set_to_position(kp=stiffness / LAG_TIME, kv=stiffness)
+    if not np.isfinite(pose.q).all():
+        return
+    T, quaternion = pose.T_world_body, np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(T[:3, :3]).ravel())
+    straight = Pose(rover, pose.terrain, pose.x, pose.y, pose.yaw, pose.steering, pose.q * (1, 1, 1, 0, 0, 0), pose.status)
+    depth = float(np.nanmin([*straight.gap, straight.clearance]))
+    body = spec.body("body")
+    body.quat = quaternion
+    body.pos = T[:3, 3] + (0.0, 0.0, START_GAP - depth)
+    model = spec.compile()
+    settled = model.qpos0.copy()
+    settled[:3] = T[:3, 3]
+    joints = {"rocker_left": pose.rocker, "rocker_right": rover.right_rocker(pose.rocker)}
+    joints |= {f"bogie_{side}": angle for side, angle in zip(SIDES, pose.bogie, strict=True)}
+    for name, angle in joints.items():
+        settled[model.joint(name).qposadr[0]] = angle
+    spec.add_key(name="settled", qpos=settled)
