@@ -1,4 +1,4 @@
-"""Pictures that tell the truth: what is near hides what is far, light and shadow fall where they should."""
+"""Pictures: near surfaces hide far ones, light and shadow fall where they should."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import rockerbogie as rb
-from rockerbogie.figures.charts import run_map, run_profile, tilt_of, worst_of
+from rockerbogie.figures.charts import run_map, run_profile, steepest_of, tilt_of, worst_of
 from rockerbogie.figures.closeup import pose_figure
 from rockerbogie.figures.render import Camera, Mesh, hidden_by, render
 from rockerbogie.figures.rover_mesh import rover_mesh
@@ -57,11 +57,11 @@ def test_near_hides_far(above: bool) -> None:
 
 
 def test_shadow_falls_away_from_the_sun() -> None:
-    ground, roof = square(0.0, 2.0, GREEN), square(0.5, 0.3, RED)
-    mesh = Mesh.join([ground, roof])
+    ground, cover = square(0.0, 2.0, GREEN), square(0.5, 0.3, RED)
+    mesh = Mesh.join([ground, cover])
     camera = Camera.framing(mesh.corners, 0.0, 1.45, (300, 300))
     for azimuth in (0.0, 1.0, 2.5):
-        image = render(mesh, camera, sun=(azimuth, np.pi / 4))  # so high that the shadow lies half a metre beside the roof
+        image = render(mesh, camera, sun=(azimuth, np.pi / 4))  # so high that the shadow lies half a metre beside the cover
         towards = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
         shade, light = (image[int(v), int(u), 1] for u, v, _ in camera.project(np.array([-0.5 * towards, 0.9 * towards])))
         assert shade < 0.75 * light
@@ -76,12 +76,12 @@ def test_ground_of_known_cells_only() -> None:
     top = mesh.corners[mesh.ruled]
     inside = ((top[..., :2] > 0.75) & (top[..., :2] < 1.15)).all(axis=(1, 2))
     assert len(top)
-    assert not inside.any(), "a hole is left open"
+    assert not inside.any(), "missing data is left open"
 
 
 @pytest.mark.parametrize("name", ["elhami-dashti", "curiosity", "osr", "sawppy"])
 def test_rover_is_drawn_where_it_stands(name: str) -> None:
-    """On flat ground the lowest points of the drawing are the treads', on the ground, right under the contact points."""
+    """Draw the treads in contact with flat terrain, below the contact points."""
     rover, ground = rb.load_rover(name), rb.surfaces.plane()
     pose = rb.settle(rover, ground, 0.3, -0.2, 0.7)
     mesh = rover_mesh(rover, pose.T_world_body, float(pose.rocker), pose.bogie, pose.steering)
@@ -100,18 +100,36 @@ def test_figures_leave_matplotlib_as_it_was() -> None:
     run = rb.drive(rover, ground, rb.Path.straight((-1, 0), 0, 2), step=0.1)
     run_map(rover, ground, run)
     run_profile(rover, ground, run)
-    pose_figure(rover, ground, run.isel(time=worst_of(run)), "a pose")
+    pose_figure(rover, ground, run.isel(time=steepest_of(run)), "a pose")
     assert dict(mpl.rcParams) == before
 
 
-def test_worst_is_the_greatest_tilt() -> None:
+def test_steepest_is_the_greatest_tilt() -> None:
     rover, ground = paper_rover(), rb.surfaces.sine()
     run = rb.drive(rover, ground, rb.Path.straight((-1, 0), 0, 2), step=0.1)
     pose = rb.settle(rover, ground, run["x"].values, run["y"].values, run["yaw"].values)
     assert_close(tilt_of(run), pose.tilt, 1e-9, "rad", "the same angle")
-    assert worst_of(run) == int(np.argmax(pose.tilt))
+    assert steepest_of(run) == int(np.argmax(pose.tilt))
     nowhere = run.assign(roll=run["roll"] * np.nan)
-    assert worst_of(nowhere) is None
+    assert steepest_of(nowhere) is None
+    assert worst_of(rover, nowhere) is None
+
+
+def test_worst_is_the_pose_closest_to_a_limit() -> None:
+    """A bogie beyond its joint limit on a ledge is worse than a steeper, even ramp."""
+    x = np.arange(600) * 0.02
+    z = np.tile(np.clip(x - 2, 0, 2) * np.tan(np.radians(20)), (120, 1))
+    z[:, 400:410] += 0.12
+    rover, ground = rb.load_rover("osr"), rb.Terrain.from_array(z, 0.02, interpolation="linear")
+    run = rb.drive(rover, ground, rb.Path.straight((1, 1.2), 0, 9.5), step=0.05)
+    worst = worst_of(rover, run)
+    assert worst is not None
+    share = np.abs(run["bogie"].values) / rover.bogie_limits[1]
+    assert share.max() > 1
+    assert worst.station == int(np.nanargmax(share.max(axis=1)))
+    assert "bogie" in worst.reason
+    assert "beyond its limit" in worst.reason
+    assert steepest_of(run) != worst.station
 
 
 def test_grid_is_round() -> None:

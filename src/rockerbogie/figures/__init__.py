@@ -1,1 +1,3 @@
-"""Pictures: drawn from a run, without a display; `style` is their one look."""
+"""Pictures of poses, runs, maps and rovers."""
+
+from . import plot as plot

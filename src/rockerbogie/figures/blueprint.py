@@ -19,7 +19,15 @@ _FAINT, _BODY = "#888888", "#f0ece0"
 
 
 def blueprint(rover: Rover, title: str = "") -> Figure:
-    """The rover at rest from the left and from above, both views on one scale, with what one would measure on it."""
+    """Draw a rover from the left and from above, on one scale, with its dimensions.
+
+    Args:
+        rover: the rover.
+        title: text above; default: its name.
+
+    Returns:
+        The figure.
+    """
     length = rover.wheelbase + 2 * rover.wheel_radius.max()
     low, high = _span(rover, 2)
     across = _span(rover, 1)

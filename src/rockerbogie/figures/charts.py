@@ -1,8 +1,9 @@
-"""A run on paper: the map it crossed, and its angles along the way."""
+"""Charts of a run: the map it crossed, and its angles along the path."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from textwrap import fill
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -26,6 +27,14 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Bounds = tuple[float, float, float, float]
 
+#: A tilt counts as a limit of this size where a run has no limits of its own, rad.
+USUAL_TILT = np.radians(30.0)
+#: Relief below this share of a map's width counts as flat.
+FLAT = 2e-4
+#: Characters of a line of a legend over the width of a page.
+LINE = 118
+#: Legends above a chart: their entries lie close together.
+CLOSE: dict[str, Any] = {"columnspacing": 1.1, "handlelength": 1.6, "handletextpad": 0.5}
 HALO = [withStroke(linewidth=3, foreground="white")]
 _MAP_PIXELS = 700
 _STATUS_COLOURS = {
@@ -40,21 +49,87 @@ _STATUS_COLOURS = {
 }
 
 
+class Worst(NamedTuple):
+    """The station of a run that is closest to a limit, or furthest beyond one."""
+
+    station: int  # index along time
+    reason: str  # the value, its limit, the distance along the path
+
+
 def tilt_of(run: xr.Dataset) -> xr.DataArray:
-    """Angle between the body's z and the vertical, rad."""
-    level: xr.DataArray = np.cos(run["roll"]) * np.cos(run["pitch"])  # type: ignore[assignment]
-    tilt: xr.DataArray = np.arccos(level.clip(-1, 1))  # type: ignore[assignment]
+    """Return the angle between the body's z axis and the vertical, rad.
+
+    Args:
+        run: with `roll` and `pitch`, rad.
+
+    Returns:
+        Tilt, rad, 0 to π.
+    """
+    upright: xr.DataArray = np.cos(run["roll"]) * np.cos(run["pitch"])  # type: ignore[assignment]
+    tilt: xr.DataArray = np.arccos(upright.clip(-1, 1))  # type: ignore[assignment]
     return tilt
 
 
-def worst_of(run: xr.Dataset) -> int | None:
-    """The place in a run where the rover tilts most; none where no pose was found."""
+def steepest_of(run: xr.Dataset) -> int | None:
+    """Return the index of the station with the greatest tilt, or None if no station has a pose.
+
+    Args:
+        run: from `drive` or `simulate`.
+
+    Returns:
+        Index along time, or None.
+    """
     tilt = tilt_of(run).values
     return int(np.nanargmax(tilt)) if np.isfinite(tilt).any() else None
 
 
+def worst_of(rover: Rover, run: xr.Dataset) -> Worst | None:
+    """Return the station closest to a limit, or furthest beyond one; None if there is no pose.
+
+    Compared are, as shares of their limits: each joint with its joint limit, the tilt with 30°, and the body's clearance with
+    one wheel radius, of which it should have at least some part left.
+
+    Args:
+        rover: the rover that drove.
+        run: from `drive` or `simulate`.
+
+    Returns:
+        The station and the reason, or None.
+    """
+    tilt, clearance, radius = tilt_of(run).values, run["clearance"].values, float(rover.wheel_radius.max())
+    if not np.isfinite(tilt).any():
+        return None
+    joints = [("rocker", run["rocker"].values, rover.rocker_limits)]
+    joints += [(f"{side} bogie", run["bogie"].sel(side=side).values, rover.bogie_limits) for side in ("left", "right")]
+    found: list[tuple[float, int, str]] = []
+    for name, angle, (low, high) in joints:
+        with np.errstate(divide="ignore", invalid="ignore"):  # a limit of 0
+            share = np.nan_to_num(np.where(angle >= 0, angle / high, angle / low))  # 0 for a joint without limits
+        k = int(np.argmax(share))
+        if share[k] > 0:
+            limit = high if angle[k] >= 0 else low
+            word = "beyond" if share[k] > 1 else "of"
+            found.append((float(share[k]), k, f"{name} {np.degrees(angle[k]):.1f}° {word} its limit {np.degrees(limit):.3g}°"))
+    k = int(np.nanargmax(tilt))
+    found.append((float(tilt[k] / USUAL_TILT), k, f"tilt {np.degrees(tilt[k]):.1f}°"))
+    if np.isfinite(clearance).any():
+        k = int(np.nanargmin(clearance))
+        found.append((1 / (1 + max(clearance[k], -0.99 * radius) / radius), k, f"clearance {clearance[k]:.3f} m"))
+    _, index, what = max(found, key=lambda item: item[0])
+    return Worst(index, f"{what}, {float(run['distance'][index]):.4g} m along the path")
+
+
 def run_map(rover: Rover, terrain: Terrain, run: xr.Dataset) -> Figure:
-    """The ground from above with the way over it, coloured by tilt; a small map shows where on the whole this is."""
+    """Draw the path on the terrain from above, coloured by tilt, and a small overview map.
+
+    Args:
+        rover: the rover that drove.
+        terrain: the terrain it drove on.
+        run: from `drive`, `simulate` or `predict`.
+
+    Returns:
+        The figure.
+    """
     x, y, tilt = run["x"].values, run["y"].values, np.degrees(tilt_of(run).values)
     bounds = _around(x, y, terrain.bounds, 3 * rover.wheelbase)
     wide, high = bounds[2] - bounds[0], bounds[3] - bounds[1]
@@ -76,16 +151,18 @@ def run_map(rover: Rover, terrain: Terrain, run: xr.Dataset) -> Figure:
         scale = Normalize(0, max(5.0, float(np.nanmax(middle, initial=0.0))))
         ax.plot(x, y, color="white", lw=5.0, solid_capstyle="round", zorder=3)
         good = np.isfinite(middle)
-        ax.add_collection(LineCollection(list(pieces[good]), array=middle[good], cmap="plasma", norm=scale, lw=3.2, zorder=4))
+        ax.add_collection(
+            LineCollection(list(pieces[good]), array=middle[good], cmap="plasma", norm=scale, lw=3.2, capstyle="round", zorder=4)
+        )
         bad = ~np.isfinite(tilt)
         if bad.any():
             ax.plot(x[bad], y[bad], "x", color="#b00000", ms=5, zorder=5, label=f"no pose found ({bad.sum()})")
         ax.plot(x[0], y[0], "o", mfc="white", mec=INK, ms=8, zorder=6, clip_on=False, label="start")
         ax.plot(x[-1], y[-1], "s", mfc="white", mec=INK, ms=8, zorder=6, clip_on=False, label="end")
-        worst = worst_of(run)
-        if worst is not None:
-            label = f"steepest: {tilt[worst]:.1f}° at {float(run['distance'][worst]):.4g} m"
-            ax.plot(x[worst], y[worst], "*", mfc="#F0E442", mec=INK, ms=15, zorder=7, label=label)
+        steepest = steepest_of(run)
+        if steepest is not None:
+            label = f"steepest: {tilt[steepest]:.1f}° at {float(run['distance'][steepest]):.4g} m"
+            ax.plot(x[steepest], y[steepest], "*", mfc="#F0E442", mec=INK, ms=15, zorder=7, label=label)
         scale_bar(ax, bounds)
         east, north = ("easting (m)", "northing (m)") if terrain.crs else ("x (m)", "y (m)")
         plain_metres(ax, east, north)
@@ -103,49 +180,60 @@ def run_map(rover: Rover, terrain: Terrain, run: xr.Dataset) -> Figure:
         small.set_xlabel(f"{size[0]:.4g} m × {size[1]:.4g} m", fontsize=8)
         bar = axes(left + across + 0.35, below, 0.18, min(2.6, page[1] - above - below - inset[1] - 0.55))
         fig.colorbar(ScalarMappable(scale, "plasma"), cax=bar, label="tilt (deg)")
+        bar.grid(False)
     return fig
 
 
 def run_profile(rover: Rover, terrain: Terrain, run: xr.Dataset) -> Figure:
-    """Ground, attitude, joints and clearance over the distance driven, with the stops and what became of each pose."""
+    """Draw terrain, attitude, joints, clearance and status over the distance driven.
+
+    Args:
+        rover: the rover that drove.
+        terrain: the terrain it drove on.
+        run: from `drive`, `simulate` or `predict`.
+
+    Returns:
+        The figure.
+    """
     s = run["distance"].values
     with look():
         fig = figure(9.0, 9.0)
         axes = fig.subplots(5, 1, sharex=True, height_ratios=(1, 1.25, 1.25, 0.8, 0.14))
         ground, attitude, joints, belly, strip = axes
         z = terrain.height(run["x"].values, run["y"].values)
-        ground.fill_between(s, z, np.nanmin(z), color="#d9b48f", lw=0, label="ground below the reference point")
+        ground.fill_between(s, z, np.nanmin(z), color="#d9b48f", lw=0, label="terrain below the reference point")
         ground.plot(s, run["z"], color=COLOURS["z"], label="reference point z")
         ground.set_ylabel("height (m)")
+        _at_least(ground, 0.1)
         for name in ("roll", "pitch"):
             attitude.plot(s, np.degrees(run[name]), color=COLOURS[name], label=name)
         attitude.plot(s, np.degrees(tilt_of(run)), color=COLOURS["tilt"], lw=1.0, ls=(0, (1, 1)), label="tilt")
         attitude.set_ylabel("attitude (deg)")
+        _at_least(attitude, 4.0)
         joints.plot(s, np.degrees(run["rocker"]), color=COLOURS["rocker"], label="rocker ρ")
         for side, colour in (("left", LEFT), ("right", RIGHT)):
             joints.plot(s, np.degrees(run["bogie"].sel(side=side)), color=colour, label=f"{side} bogie β")
-        _stops(joints, rover.rocker_limits, COLOURS["rocker"], "rocker stops")
-        _stops(joints, rover.bogie_limits, "#8a6d3b", "bogie stops")
+        _stops(joints, rover.rocker_limits, COLOURS["rocker"], "rocker limits")
+        _stops(joints, rover.bogie_limits, "#8a6d3b", "bogie limits")
         joints.set_ylabel("joints (deg)")
-        belly.plot(s, run["clearance"], color="#009E73", label="least height of the body over the ground")
+        _at_least(joints, 4.0)
+        belly.plot(s, run["clearance"], color="#009E73", label="least height of the body above the terrain")
         belly.axhline(0, color="#b00000", lw=1)
         belly.set_ylabel("clearance (m)")
         _status_strip(strip, s, run["status"].values)
-        worst = worst_of(run)
+        worst = worst_of(rover, run)
         for ax in (ground, attitude, joints, belly):
             if worst is not None:
-                ax.axvline(s[worst], color=INK, lw=0.9, ls=(0, (4, 3)))
-            ax.legend(loc="lower left", bbox_to_anchor=(0, 0.98), ncols=5, fontsize=8.5, borderaxespad=0.1)
+                ax.axvline(s[worst.station], color=INK, lw=0.9, ls=(0, (4, 3)))
+            ax.legend(loc="lower left", bbox_to_anchor=(0, 0.98), ncols=5, fontsize=8.5, borderaxespad=0.1, **CLOSE)
             ax.tick_params(labelbottom=False)
         if worst is not None:
+            right = s[worst.station] > (s[0] + s[-1]) / 2  # the text goes to the side with more room
             ground.annotate(
-                "steepest",
-                (s[worst], 0.9),
-                xycoords=("data", "axes fraction"),
-                xytext=(4, 0),
-                textcoords="offset points",
-                fontsize=8.5,
-            )
+                f"worst: {worst.reason.rsplit(', ', 1)[0]}", (s[worst.station], 0.92), xycoords=("data", "axes fraction"),
+                xytext=(-4 if right else 4, 0), textcoords="offset points", fontsize=8.5, ha="right" if right else "left",
+                path_effects=HALO,
+            )  # fmt: skip
         strip.set_xlim(s[0], s[-1])
         fig.align_ylabels(axes[:4])
     return fig
@@ -168,8 +256,17 @@ def _status_strip(ax: Axes, s: Array, status: Array) -> None:
     ax.grid(False)
     ax.set_xlabel("distance along the path (m)")
     share = {code: f"{100 * (status == code).mean():.3g} %" for code in codes}
-    labels = [Patch(color=_STATUS_COLOURS[c], label=f"{c.name}: {MEANING[c][0]} ({share[c]})") for c in codes]
+    texts = {code: fill(f"{code.name} ({share[code]}): {MEANING[code][0]}", LINE) for code in codes}
+    labels = [Patch(color=_STATUS_COLOURS[code], label=texts[code]) for code in codes]
     ax.legend(handles=labels, loc="upper left", bbox_to_anchor=(0, -2.6), fontsize=8, borderaxespad=0)
+
+
+def _at_least(ax: Axes, span: float) -> None:
+    """Widen the vertical axis to a span, so that rounding errors on flat terrain do not fill it."""
+    low, high = ax.get_ylim()
+    if high - low < span:
+        middle = (low + high) / 2
+        ax.set_ylim(middle - span / 2, middle + span / 2)
 
 
 def _around(x: Array, y: Array, whole: Bounds, room: float) -> Bounds:
@@ -200,15 +297,32 @@ def _hillshade(ax: Axes, terrain: Terrain, bounds: Bounds, *, contours: bool) ->
     ax.set_xlim(x[0], x[-1])
     ax.set_ylim(y[0], y[-1])
     if contours:
-        levels = MaxNLocator(10).tick_values(float(np.nanmin(z)), float(np.nanmax(z)))
-        flowing = gaussian_filter(filled, 0.008 * span / step)  # lines of the lie of the land, not of every pebble
-        flowing[np.isnan(z)] = np.nan
-        lines = ax.contour(x, y, flowing, levels=levels, colors="#4a4036", linewidths=0.6, alpha=0.7)
-        ax.clabel(lines, fmt="%g m", fontsize=7)
+        smooth = gaussian_filter(filled, 0.008 * span / step)  # contours of the terrain, not of every pebble
+        smooth[np.isnan(z)] = np.nan
+        _contours(ax, x, y, smooth)
+
+
+def _contours(ax: Axes, x: Array, y: Array, z: Array) -> None:
+    """Draw height contours; flat terrain has none."""
+    low, high = float(np.nanmin(z)), float(np.nanmax(z))
+    relief, width = high - low, float(max(np.ptp(x), np.ptp(y)))
+    if relief < FLAT * width:
+        return
+    levels = [level for level in MaxNLocator(10).tick_values(low, high) if low + 0.01 * relief < level < high - 0.01 * relief]
+    if not levels:
+        return
+    moved = [level + 1e-5 * relief for level in levels]  # a plateau at a level would be crossed by arbitrary lines
+    lines = ax.contour(x, y, z, levels=moved, colors="#4a4036", linewidths=0.6, alpha=0.7)
+    ax.clabel(lines, fmt={at: f"{level:g} m" for at, level in zip(moved, levels, strict=True)}, fontsize=7)
 
 
 def scale_bar(ax: Axes, bounds: Bounds) -> None:
-    """A bar of a round length in a map's lower left corner, bounds in m."""
+    """A bar of a round length in a map's lower left corner, bounds in m.
+
+    Args:
+        ax: axes in metres.
+        bounds: xmin, ymin, xmax, ymax of the map, m.
+    """
     span = bounds[2] - bounds[0]
     rough = span / 5
     power = 10.0 ** np.floor(np.log10(rough))
@@ -221,7 +335,13 @@ def scale_bar(ax: Axes, bounds: Bounds) -> None:
 
 
 def plain_metres(ax: Axes, across: str, up: str) -> None:
-    """Coordinates in full, few of them, under their names."""
+    """Coordinates in full, few of them, under their names.
+
+    Args:
+        ax: axes in metres.
+        across: label of x.
+        up: label of y.
+    """
     ax.set_xlabel(across)
     ax.set_ylabel(up)
     for axis in (ax.xaxis, ax.yaxis):

@@ -1,4 +1,4 @@
-"""One pose from near: the rover on its piece of ground with its contacts, and the numbers beside it."""
+"""One pose in detail: the rover on its terrain with its contacts and numbers."""
 
 from __future__ import annotations
 
@@ -30,25 +30,37 @@ _LIFTED = 5e-4  # m: a simulated wheel presses in or rides up by less
 _HALO = [withStroke(linewidth=3, foreground="white")]
 
 
-def pose_figure(rover: Rover, terrain: Terrain, stance: xr.Dataset, title: str) -> Figure:
-    """The rover in one pose (a Dataset without a time axis), seen from the side the ground falls away to."""
-    bounds = _patch(rover, stance, terrain)
+def pose_figure(
+    rover: Rover, terrain: Terrain, record: xr.Dataset, title: str, *, view: tuple[float, float] | None = None
+) -> Figure:
+    """Draw the rover in one pose, with its contacts and its numbers.
+
+    Args:
+        rover: the rover.
+        terrain: the terrain it is on.
+        record: one pose, a Dataset without a time axis.
+        title: text above.
+        view: azimuth and elevation of the camera, rad; default: from the side to which the terrain falls.
+
+    Returns:
+        The figure.
+    """
+    bounds = _patch(rover, record, terrain)
     base = block_base(sample_ground(terrain, bounds)[2])
-    mesh = Mesh.join([ground_mesh(terrain, bounds, base), stance_mesh(rover, stance)])
-    camera = Camera.framing(
-        mesh.corners, _seen_from(terrain, stance, bounds), np.radians(21), _SIZE, margin=(0.06, 0.04, 0.03, 0.10)
-    )
+    mesh = Mesh.join([ground_mesh(terrain, bounds, base), stance_mesh(rover, record)])
+    azimuth, elevation = view or (_seen_from(terrain, record, bounds), np.radians(21))
+    camera = Camera.framing(mesh.corners, azimuth, elevation, _SIZE, margin=(0.06, 0.04, 0.03, 0.10))
     origin = (float(np.floor(bounds[0])), float(np.floor(bounds[1]))) if max(map(abs, bounds)) > 1e4 else (0.0, 0.0)
     with look():
         fig = figure(11.4, 6.6)
         fig.set_layout_engine("none")
         ax = fig.add_axes((0, 0, 0.72, 0.94))
-        draw(ax, mesh, camera, float(stance["yaw"]), grid_step(bounds))
+        draw(ax, mesh, camera, float(record["yaw"]), grid_step(bounds))
         rule_block(ax, camera, bounds, base, origin)
-        point = stance["contact_point"].values
+        point = record["contact_point"].values
         place = camera.project(point)[:, :2]
         behind = hidden_by(mesh, camera, point) > 1.2 * (rover.wheel_radius + rover.wheel_width)  # by more than its own wheel
-        lifted = stance["gap"].values > _LIFTED
+        lifted = record["gap"].values > _LIFTED
         for i, name in enumerate(rover.wheel_names):
             if np.isfinite(place[i]).all():
                 fill, shown = ("none", 0.5) if behind[i] else ("white" if lifted[i] else "#F0E442", 1.0)
@@ -60,38 +72,38 @@ def pose_figure(rover: Rover, terrain: Terrain, stance: xr.Dataset, title: str) 
                     color=(LEFT, RIGHT)[i % 2], path_effects=_HALO, alpha=0.6 if behind[i] else 1.0,
                 )  # fmt: skip
         fig.text(0.02, 0.955, title, fontsize=13, fontweight="bold")
-        air = ", ringed red where the wheel is in the air" if lifted.any() else ""
-        note = f"contact points in yellow (hollow: hidden from here){air} · grid {grid_step(bounds):g} m"
+        air = ", ringed red where the wheel is off the ground" if lifted.any() else ""
+        note = f"contact points in yellow (outlined: hidden from here){air} · grid {grid_step(bounds):g} m"
         if origin != (0.0, 0.0):
             note += f" · axes from ({origin[0]:.0f}, {origin[1]:.0f})"
         fig.text(0.02, 0.92, note, fontsize=8.5, color="#666666")
         numbers = fig.add_axes((0.72, 0.02, 0.27, 0.9))
         numbers.set_axis_off()
-        _write_numbers(numbers, rover, stance)
+        _write_numbers(numbers, rover, record)
     return fig
 
 
-def _write_numbers(ax: Axes, rover: Rover, stance: xr.Dataset) -> None:
+def _write_numbers(ax: Axes, rover: Rover, record: xr.Dataset) -> None:
     def degrees(value: float) -> str:
-        return f"{np.degrees(value):+.2f}°".replace("+-", "-")
+        return f"{round(float(np.degrees(value)), 2) + 0.0:+.2f}°"  # adding 0 makes -0 a plain 0
 
     def stops(limits: Array) -> str:
-        return "" if np.isinf(limits).all() else f"stops {np.degrees(limits[0]):+.3g}°, {np.degrees(limits[1]):+.3g}°"
+        return "" if np.isinf(limits).all() else f"limits {np.degrees(limits[0]):+.3g}°, {np.degrees(limits[1]):+.3g}°"
 
-    status = Status(int(stance["status"]))
-    left, right = (float(b) for b in stance["bogie"].values)
+    status = Status(int(record["status"]))
+    left, right = (float(b) for b in record["bogie"].values)
     rows: list[tuple[str, str, str]] = [
-        ("x", f"{float(stance['x']):.3f} m", ""),
-        ("y", f"{float(stance['y']):.3f} m", ""),
-        ("z", f"{float(stance['z']):.4f} m", ""),
-        ("tilt", f"{np.degrees(float(tilt_of(stance))):.2f}°", ""),
-        ("roll", degrees(float(stance["roll"])), "left side up is +"),
-        ("pitch", degrees(float(stance["pitch"])), "nose down is +"),
-        ("yaw", degrees(float(stance["yaw"])), "left of +x is +"),
-        ("rocker ρ", degrees(float(stance["rocker"])), stops(rover.rocker_limits)),
+        ("x", f"{float(record['x']):.3f} m", ""),
+        ("y", f"{float(record['y']):.3f} m", ""),
+        ("z", f"{float(record['z']):.4f} m", ""),
+        ("tilt", f"{np.degrees(float(tilt_of(record))):.2f}°", ""),
+        ("roll", degrees(float(record["roll"])), "left side up is +"),
+        ("pitch", degrees(float(record["pitch"])), "nose down is +"),
+        ("yaw", degrees(float(record["yaw"])), "left of +x is +"),
+        ("rocker ρ", degrees(float(record["rocker"])), stops(rover.rocker_limits)),
         ("bogie left", degrees(left), stops(rover.bogie_limits)),
         ("bogie right", degrees(right), ""),
-        ("clearance", f"{float(stance['clearance']):.3f} m", "body over ground"),
+        ("clearance", f"{float(record['clearance']):.3f} m", "body above terrain"),
     ]
     y, line = 0.985, 0.039
     for name, value, note in rows:
@@ -111,12 +123,12 @@ def _write_numbers(ax: Axes, rover: Rover, stance: xr.Dataset) -> None:
     ax.plot([0, 1], [y - 0.35 * line] * 2, color="#bbbbbb", lw=0.8)
     for i, name in enumerate(rover.wheel_names):
         y -= line
-        gap = float(stance["gap"][i])
+        gap = float(record["gap"][i])
         cells = (
             name,
-            degrees(float(stance["contact_angle"][i])),
+            degrees(float(record["contact_angle"][i])),
             _millimetres(gap),
-            f"{float(stance['contact_point'][i, 2]):.3f}",
+            f"{float(record['contact_point'][i, 2]):.3f}",
         )
         for cell, (head, x, side) in zip(cells, heads, strict=True):
             colour = (LEFT, RIGHT)[i % 2] if x == 0 else INK
@@ -134,23 +146,23 @@ def _millimetres(gap: float) -> str:
     return "0" if abs(gap) < 5e-7 else f"{1e3 * gap:.3f}"
 
 
-def _patch(rover: Rover, stance: xr.Dataset, terrain: Terrain) -> Bounds:
+def _patch(rover: Rover, record: xr.Dataset, terrain: Terrain) -> Bounds:
     """The ground under the rover and a wheelbase's third around it, m."""
-    point = stance["contact_point"].values[:, :2]
+    point = record["contact_point"].values[:, :2]
     room = 0.3 * rover.wheelbase + float(rover.wheel_radius.max())
     low = np.maximum(np.nanmin(point, axis=0) - room, terrain.bounds[:2])
     high = np.minimum(np.nanmax(point, axis=0) + room, terrain.bounds[2:])
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
 
-def _seen_from(terrain: Terrain, stance: xr.Dataset, bounds: Bounds) -> float:
-    """Of the four corner views of the rover, that from which the ground rises away, rad."""
+def _seen_from(terrain: Terrain, record: xr.Dataset, bounds: Bounds) -> float:
+    """Return the azimuth (rad) of the corner view from which the terrain rises away."""
     x, y, z = sample_ground(terrain, bounds)
     known = np.isfinite(z)
     px, py = np.meshgrid(x - x.mean(), y - y.mean())
     plane, *_ = np.linalg.lstsq(np.stack([px[known], py[known], np.ones(known.sum())], axis=1), z[known], rcond=None)
     downhill = float(np.arctan2(-plane[1], -plane[0]))
-    corners = float(stance["yaw"]) + np.radians([-55.0, 55.0, -125.0, 125.0])
+    corners = float(record["yaw"]) + np.radians([-55.0, 55.0, -125.0, 125.0])
     best = float(corners[np.argmax(np.cos(corners - downhill) + 1e-6 * np.array([3, 2, 1, 0]))])
     quarter, past = divmod(best, np.pi / 2)  # and never along a side of the block, whose axis could not be read
     return float(quarter * np.pi / 2 + np.clip(past, np.radians(25), np.radians(65)))

@@ -16,7 +16,16 @@ TRACK, FLAT, TRUTH = "#0072B2", "#E69F00", INK
 
 
 def odometry_figure(track: xr.Dataset, flat: xr.Dataset, log: xr.Dataset) -> Figure:
-    """Plan and height of 3-D and flat odometry, the log's own positions where it has them; slip of the wheels along the way."""
+    """Draw 3-D and flat odometry from above and from the side, and the slip of the wheels.
+
+    Args:
+        track: from `odometry`.
+        flat: from `flat_odometry`.
+        log: from `read_log`; its positions are drawn if it has them.
+
+    Returns:
+        The figure.
+    """
     ways = [("3-D odometry", track, TRACK, "-", 2.0), ("flat 2-D odometry", flat, FLAT, "--", 1.6)]
     if all(axis in log for axis in "xyz"):
         ways.insert(0, ("the log's own position", log, TRUTH, "-", 3.5))

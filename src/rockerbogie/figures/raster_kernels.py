@@ -17,7 +17,13 @@ AMBIENT, FILL, SUN = 0.42, 0.16, 0.52  # light from the sky, from behind the vie
 
 @njit
 def rasterise(tri: Array, index: Index, near: Array) -> None:
-    """Triangles tri (n, 3, 3), u, v and nearness, into a picture: which is nearest in each pixel, and how near."""
+    """Rasterise triangles (n, 3, 3) of u, v, nearness: the nearest one in each pixel.
+
+    Args:
+        tri: (n, 3, 3) corners: u, v (px), nearness.
+        index: (height, width) written: the nearest triangle, −1 if none.
+        near: (height, width) written: its nearness.
+    """
     height, width = index.shape
     for t in range(tri.shape[0]):
         u0, v0, n0 = tri[t, 0]
@@ -48,7 +54,7 @@ def shade(
     to_sun: Array, shadow: Array, sun_axes: Array, sun_eye: Array, sun_scale: float, sun_shift: Array,
     bias: float, grid: float, line: float, finer: int, image: Array,
 ) -> None:  # fmt: skip
-    """Colour what each pixel sees, averaged over finer × finer of them into image (height, width, 4)."""
+    """Colour each pixel, averaged over finer × finer samples, into image (height, width, 4)."""
     height, width = index.shape
     sun_height, sun_width = shadow.shape
     p, n, q = np.empty(3), np.empty(3), np.empty(3)

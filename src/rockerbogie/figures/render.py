@@ -1,6 +1,6 @@
-"""A small picture maker: triangles, a camera, one sun with its shadow. Needs no graphics card and no display.
+"""A small software renderer: triangles, a camera, one sun with shadows; no display needed.
 
-Matplotlib's own 3-D axes sort whole polygons, which cannot show a wheel standing in a hollow; here every pixel knows
+Matplotlib's own 3-D axes sort whole polygons, which cannot show a wheel in a depression; here every pixel knows
 what is nearest to it.
 """
 
@@ -22,7 +22,7 @@ SHADOW_BIAS = 0.004  # of the scene's size: less makes surfaces shade themselves
 
 @dataclass(frozen=True)
 class Mesh:
-    """Triangles: corners (n, 3, 3) in m, normals (n, 3, 3) at the corners, colours (n, 3) from 0 to 1.
+    """Triangles: corners (n, 3, 3), m; normals at the corners; colours (n, 3) from 0 to 1.
 
     `ruled` (n,) is true where lines of the ground's grid are drawn on it.
     """
@@ -34,7 +34,15 @@ class Mesh:
 
     @classmethod
     def flat(cls, corners: ArrayLike, colour: ArrayLike) -> Mesh:
-        """Triangles (n, 3, 3) with one normal each; colour (3,) or (n, 3)."""
+        """Triangles (n, 3, 3) with one normal each; colour (3,) or (n, 3).
+
+        Args:
+            corners: (n, 3, 3), m.
+            colour: (3,) or (n, 3), 0 to 1.
+
+        Returns:
+            The triangles.
+        """
         c = np.asarray(corners, dtype=float)
         normal = np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
@@ -42,20 +50,37 @@ class Mesh:
 
     @classmethod
     def smooth(cls, corners: Array, normals: Array, colour: ArrayLike, *, ruled: bool = False) -> Mesh:
-        """Triangles (n, 3, 3) with a normal at each corner (n, 3, 3)."""
+        """Triangles (n, 3, 3) with a normal at each corner (n, 3, 3).
+
+        Args:
+            corners: (n, 3, 3), m.
+            normals: (n, 3, 3) at the corners.
+            colour: (3,) or (n, 3), 0 to 1.
+            ruled: draw the grid of the terrain on them.
+
+        Returns:
+            The triangles.
+        """
         colours = np.broadcast_to(np.asarray(colour, dtype=float), (len(corners), 3))
         return cls(corners, normals, np.array(colours), np.full(len(corners), ruled))
 
     @classmethod
     def join(cls, meshes: Sequence[Mesh]) -> Mesh:
-        """One mesh of several."""
+        """One mesh of several.
+
+        Args:
+            meshes: the parts.
+
+        Returns:
+            All triangles.
+        """
         parts = [[getattr(m, name) for m in meshes] for name in ("corners", "normals", "colours", "ruled")]
         return cls(*(np.concatenate(p) for p in parts))
 
 
 @dataclass(frozen=True)
 class Camera:
-    """Looks along `axes[2]` from `eye`; `axes` rows are right, down, forward. Pixels = scale · image plane + shift."""
+    """Camera at `eye`; `axes` rows: right, down, forward; pixels = scale · plane + shift."""
 
     eye: Array
     axes: Array
@@ -75,9 +100,20 @@ class Camera:
         margin: tuple[float, float, float, float] = (0.03, 0.03, 0.03, 0.03),
         perspective: bool = True,
     ) -> Camera:
-        """A camera that sees all points (n, 3), standing towards azimuth (from x, anticlockwise) and elevation, rad.
+        """Return a camera at an azimuth and elevation that sees all points.
 
         `margin` is the share of the picture kept free: left, right, top, bottom.
+
+        Args:
+            points: (..., 3) that must be in the picture, m.
+            azimuth: of the camera from the points, rad, from +x counter-clockwise.
+            elevation: of the camera, rad.
+            size: width and height, px.
+            margin: share of the picture kept free: left, right, top, bottom.
+            perspective: False for a parallel projection.
+
+        Returns:
+            The camera.
         """
         p = np.asarray(points, dtype=float).reshape(-1, 3)
         centre = (p.max(axis=0) + p.min(axis=0)) / 2
@@ -94,7 +130,14 @@ class Camera:
         return cls(loose.eye, axes, scale, middle - scale * (low + high) / 2, perspective, size)
 
     def project(self, points: ArrayLike) -> Array:
-        """(..., 3) of points (..., 3): pixels right and down, and nearness, linear over the picture."""
+        """(..., 3) of points (..., 3): pixels right and down, and nearness, linear over the picture.
+
+        Args:
+            points: (..., 3), m.
+
+        Returns:
+            (..., 3): pixels right, pixels down, nearness.
+        """
         given = np.asarray(points, dtype=float)
         away = given.reshape(-1, 3) - self.eye
         p: Array = np.einsum("nj,ij->ni", away, self.axes)  # no BLAS: its threads cost more than they do
@@ -107,7 +150,14 @@ class Camera:
         return p.reshape(given.shape)
 
     def enlarged(self, factor: int) -> Camera:
-        """The same view in more pixels."""
+        """The same view in more pixels.
+
+        Args:
+            factor: of the number of pixels per side.
+
+        Returns:
+            The camera.
+        """
         size = (self.size[0] * factor, self.size[1] * factor)
         return Camera(self.eye, self.axes, self.scale * factor, self.shift * factor, self.perspective, size)
 
@@ -118,6 +168,9 @@ def render(mesh: Mesh, camera: Camera, *, sun: tuple[float, float], grid: float 
     Args:
         sun: azimuth and elevation of the light, rad.
         grid: spacing of the lines ruled on the ground, m; 0 draws none.
+
+    Returns:
+        (height, width, 4), 0 to 1.
     """
     fine = camera.enlarged(FINER)
     seen = fine.project(mesh.corners)
@@ -138,7 +191,16 @@ def render(mesh: Mesh, camera: Camera, *, sun: tuple[float, float], grid: float 
 
 
 def hidden_by(mesh: Mesh, camera: Camera, points: ArrayLike) -> Array:
-    """How far (n,) the nearest surface stands before points (n, 3) of a perspective view, m; nan out of the picture."""
+    """Return the depth (n,) that surfaces hide points (n, 3) by, m; NaN outside the picture.
+
+    Args:
+        mesh: the scene.
+        camera: a perspective camera.
+        points: (n, 3), m.
+
+    Returns:
+        (n,) m; 0 for visible points, NaN outside the picture.
+    """
     _, near = _visible(camera.project(mesh.corners), camera)
     place = camera.project(points)
     out = np.full(len(place), np.nan)
@@ -150,7 +212,7 @@ def hidden_by(mesh: Mesh, camera: Camera, points: ArrayLike) -> Array:
 
 
 def _visible(triangles: Array, camera: Camera) -> tuple[NDArray[np.int32], Array]:
-    """Which of the projected triangles (n, 3, 3) each pixel sees (-1 none), and its nearness."""
+    """Return the index of the projected triangle in each pixel (-1: none) and its nearness."""
     index = np.full((camera.size[1], camera.size[0]), -1, dtype=np.int32)
     near = np.full(index.shape, -np.inf)
     raster_kernels.rasterise(triangles, index, near)

@@ -1,4 +1,4 @@
-"""A rover as triangles: body, rockers, bogies, wheels. Left is blue, right is vermilion, as in the plots."""
+"""Rovers as triangles: body, rockers, bogies, wheels; left blue, right vermilion."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def rover_mesh(
     steering: ArrayLike | None = None,
     wheel_turn: ArrayLike = 0.0,
 ) -> Mesh:
-    """The rover in the world. Angles in rad: rocker, bogie (2,), steering (6,), and how far each wheel has rolled (6,).
+    """Return the rover in the world frame: rocker, bogie (2,), steering (6,), rolled (6,), rad.
 
     A wheel of no width is drawn with some, and links are drawn inboard of their wheels: looks only.
     """
@@ -40,18 +40,18 @@ def rover_mesh(
     arm = np.array([rocker, float(rover.right_rocker(rocker))])
     hang = np.asarray(bogie, dtype=float)
     thick = 0.16 * float(rover.wheel_radius.mean())
-    knees = [rover.rocker_pivot[s] + rotation_y(arm[s]) @ (rover.bogie_pivot[s] - rover.rocker_pivot[s]) for s in (0, 1)]
+    pivots = [rover.rocker_pivot[s] + rotation_y(arm[s]) @ (rover.bogie_pivot[s] - rover.rocker_pivot[s]) for s in (0, 1)]
 
     parts = [_box(rover.body_box, 0.15 * thick), _tube(rover.rocker_pivot[0], rover.rocker_pivot[1], 0.8 * thick, _JOINT)]
     for s in (0, 1):
         across = np.array([0.0, 1.5 * thick, 0.0])
-        parts.append(_tube(rover.rocker_pivot[s], knees[s], thick, _ROCKER[s]))
-        parts += [_tube(p - across, p + across, 1.5 * thick, _JOINT) for p in (rover.rocker_pivot[s], knees[s])]
+        parts.append(_tube(rover.rocker_pivot[s], pivots[s], thick, _ROCKER[s]))
+        parts += [_tube(p - across, p + across, 1.5 * thick, _JOINT) for p in (rover.rocker_pivot[s], pivots[s])]
     for i in range(6):
         s = WHEEL_SIDE[i]
         pivot = rover.rocker_pivot[s]
         start, rest, tilt, colour = (
-            (knees[s], rover.bogie_pivot[s], arm[s] + hang[s], _BOGIE[s]) if ON_BOGIE[i] else (pivot, pivot, arm[s], _ROCKER[s])
+            (pivots[s], rover.bogie_pivot[s], arm[s] + hang[s], _BOGIE[s]) if ON_BOGIE[i] else (pivot, pivot, arm[s], _ROCKER[s])
         )
         width = max(float(rover.wheel_width[i]), 0.35 * float(rover.wheel_radius[i]))
         inboard = np.array([0.0, (-1.0 if s == 0 else 1.0) * (width / 2 + thick), 0.0])

@@ -1,4 +1,4 @@
-"""The rover on the ground in three dimensions: how it stands, from near; and the whole crossing, from afar."""
+"""Scenes in three dimensions: rovers, terrain, paths, lit and ruled."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
@@ -14,7 +15,8 @@ from ..rover.model import Rover
 from ..terrain.heightfield import Terrain
 from .render import Camera, Mesh, render
 from .rover_mesh import rover_mesh
-from .style import INK
+from .style import INK, figure, look
+from .terrain_mesh import block_base, ground_mesh, sample_ground
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -26,16 +28,35 @@ _SUN_HEIGHT = np.radians(48.0)
 _SUN_BESIDE = np.radians(42.0)  # the viewer's back, at most
 
 
-def stance_mesh(rover: Rover, stance: xr.Dataset) -> Mesh:
-    """The rover as it stands in one pose of a run or of a settle (a Dataset without a time axis)."""
-    value = {name: np.asarray(stance[name]) for name in ("x", "y", "z", "roll", "pitch", "yaw", "rocker", "bogie", "steering")}
+def stance_mesh(rover: Rover, record: xr.Dataset) -> Mesh:
+    """Return the rover in one pose (a Dataset without a time axis) as triangles.
+
+    Args:
+        rover: the rover.
+        record: one pose of a run or of `Pose.to_xarray`.
+
+    Returns:
+        The triangles.
+    """
+    value = {name: np.asarray(record[name]) for name in ("x", "y", "z", "roll", "pitch", "yaw", "rocker", "bogie", "steering")}
     T = body_transform(*(value[name] for name in ("x", "y", "z", "roll", "pitch", "yaw")))
-    rolled = float(stance["distance"]) / rover.wheel_radius if "distance" in stance.coords else 0.0
+    rolled = float(record["distance"]) / rover.wheel_radius if "distance" in record.coords else 0.0
     return rover_mesh(rover, T, float(value["rocker"]), value["bogie"], value["steering"], rolled)
 
 
 def trail_mesh(terrain: Terrain, x: ArrayLike, y: ArrayLike, colour: ArrayLike, width: float) -> Mesh:
-    """A ribbon (n,) laid along the ground, m."""
+    """A ribbon (n,) laid along the ground, m.
+
+    Args:
+        terrain: the terrain.
+        x: (n,) m.
+        y: (n,) m.
+        colour: (3,), 0 to 1.
+        width: of the ribbon, m.
+
+    Returns:
+        The triangles.
+    """
     px, py = (np.asarray(a, dtype=float) for a in (x, y))
     dx, dy = np.gradient(px), np.gradient(py)
     norm = np.maximum(np.hypot(dx, dy), 1e-12)
@@ -48,14 +69,67 @@ def trail_mesh(terrain: Terrain, x: ArrayLike, y: ArrayLike, colour: ArrayLike, 
     return Mesh.flat(corners[np.isfinite(corners).all(axis=(1, 2))], colour)
 
 
+def terrain_figure(terrain: Terrain, bounds: Bounds, view: tuple[float, float] | None = None) -> Figure:
+    """Draw a part of a terrain in three dimensions.
+
+    Args:
+        terrain: the terrain.
+        bounds: (xmin, ymin, xmax, ymax) of the part, m.
+        view: azimuth and elevation of the camera, rad.
+
+    Returns:
+        The figure.
+    """
+    view = view or (np.radians(-62.0), np.radians(28.0))
+    base = block_base(sample_ground(terrain, bounds)[2])
+    mesh = ground_mesh(terrain, bounds, base, 400)
+    size = (1500, max(picture_height(*view, mesh, 1500, 0.12), 500))
+    camera = Camera.framing(mesh.corners, *view, size, margin=(0.07, 0.05, 0.04, 0.12))
+    far = max(map(abs, bounds)) > 1e4
+    origin = (float(np.floor(bounds[0])), float(np.floor(bounds[1]))) if far else (0.0, 0.0)
+    with look():
+        fig = figure(size[0] / 150, size[1] / 150 + 0.6)
+        fig.set_layout_engine("none")
+        ax = fig.add_axes((0, 0, 1, 1 - 0.6 / (size[1] / 150 + 0.6)))
+        draw(ax, mesh, camera, 0.0, grid_step(bounds))
+        rule_block(ax, camera, bounds, base, origin)
+        low, high = (float(f(mesh.corners[mesh.ruled][..., 2])) for f in (np.min, np.max))
+        fig.text(0.02, 1 - 0.25 / (size[1] / 150 + 0.6), terrain.name, fontsize=13, fontweight="bold", va="center")
+        note = f"heights {low:.4g} m to {high:.4g} m · grid {grid_step(bounds):g} m"
+        note += f" · axes from ({origin[0]:.0f}, {origin[1]:.0f})" if far else ""
+        fig.text(0.02, 1 - 0.48 / (size[1] / 150 + 0.6), note, fontsize=8.5, color="#666666", va="center")
+    return fig
+
+
 def picture_height(azimuth: float, elevation: float, mesh: Mesh, width: int, room: float) -> int:
-    """How many pixels a picture `width` wide needs for its height, `room` (a share of the width) left free above and below."""
+    """Return the height in pixels of a picture `width` pixels wide, with `room` above and below.
+
+    Args:
+        azimuth: of the camera, rad.
+        elevation: of the camera, rad.
+        mesh: the scene.
+        width: of the picture, px.
+        room: share of the width left free above and below.
+
+    Returns:
+        The height, px.
+    """
     seen = Camera.framing(mesh.corners, azimuth, elevation, (width, width), margin=(0, 0, 0, 0)).project(mesh.corners)[..., 1]
     return round((np.ptp(seen) + room * width) / 20) * 20
 
 
 def sunlit(mesh: Mesh, camera: Camera, yaw: float, grid: float) -> Array:
-    """The picture (height, width, 4), lit over that shoulder of the viewer which a rover heading `yaw` turns its side to."""
+    """Render (height, width, 4), lit from the side that shows a rover with this yaw best.
+
+    Args:
+        mesh: the scene.
+        camera: the camera.
+        yaw: of the rover, rad.
+        grid: spacing of the lines on the terrain, m.
+
+    Returns:
+        (height, width, 4), 0 to 1.
+    """
     azimuth = float(np.arctan2(-camera.axes[2, 1], -camera.axes[2, 0]))
     to_left, to_right = (wrap_angle(yaw + side - azimuth) for side in (np.pi / 2, -np.pi / 2))
     beside = to_left if abs(to_left) < abs(to_right) else to_right
@@ -64,7 +138,15 @@ def sunlit(mesh: Mesh, camera: Camera, yaw: float, grid: float) -> Array:
 
 
 def draw(ax: Axes, mesh: Mesh, camera: Camera, yaw: float, grid: float) -> None:
-    """Show a mesh on axes measured in the camera's pixels."""
+    """Show a mesh on axes measured in the camera's pixels.
+
+    Args:
+        ax: axes that will measure pixels.
+        mesh: the scene.
+        camera: the camera.
+        yaw: of the rover, rad.
+        grid: spacing of the lines on the terrain, m.
+    """
     ax.imshow(sunlit(mesh, camera, yaw, grid), extent=(0, camera.size[0], camera.size[1], 0), interpolation="antialiased")
     ax.set_xlim(0, camera.size[0])
     ax.set_ylim(camera.size[1], 0)
@@ -72,7 +154,15 @@ def draw(ax: Axes, mesh: Mesh, camera: Camera, yaw: float, grid: float) -> None:
 
 
 def rule_block(ax: Axes, camera: Camera, bounds: Bounds, base: float, origin: tuple[float, float] = (0.0, 0.0)) -> None:
-    """Write metres along the two near lower edges of the block, counted from `origin`."""
+    """Write metres along the two near lower edges of the block, counted from `origin`.
+
+    Args:
+        ax: axes in pixels.
+        camera: the camera.
+        bounds: xmin, ymin, xmax, ymax of the block, m.
+        base: height of its lower face, m.
+        origin: x and y that numbers count from, m.
+    """
     xmin, ymin, xmax, ymax = bounds
     nearest_y = max((ymin, ymax), key=lambda y: camera.project([(xmin + xmax) / 2, y, base])[1])
     nearest_x = max((xmin, xmax), key=lambda x: camera.project([x, (ymin + ymax) / 2, base])[1])
@@ -98,7 +188,14 @@ def rule_block(ax: Axes, camera: Camera, bounds: Bounds, base: float, origin: tu
 
 
 def grid_step(bounds: Bounds) -> float:
-    """A round spacing that rules some twenty lines over the longer side, m."""
+    """A round spacing that rules some twenty lines over the longer side, m.
+
+    Args:
+        bounds: xmin, ymin, xmax, ymax, m.
+
+    Returns:
+        The spacing, m.
+    """
     rough = max(bounds[2] - bounds[0], bounds[3] - bounds[1]) / 20
     power = 10.0 ** np.floor(np.log10(rough))
     return min((float(m * power) for m in (1, 2, 5, 10)), key=lambda step: abs(float(np.log(step / rough))))

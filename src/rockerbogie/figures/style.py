@@ -45,12 +45,16 @@ _LOOK: dict[str, Any] = {
 
 
 def look() -> Any:
-    """Context in which a figure is made: `with look(): fig = Figure(...)`. Touches no global state outside it."""
+    """Return the context in which a figure is made; global settings stay unchanged outside.
+
+    Returns:
+        A context manager.
+    """
     return rc_context(_LOOK)  # type: ignore[arg-type]
 
 
 def save(made: Figure, file: str | Path, dpi: float | None = None) -> Path:
-    """Write a figure by the ending of the file name (.png, .svg, .pdf); the same figure gives the same bytes.
+    """Write a figure as .png, .svg or .pdf; the same figure gives the same bytes.
 
     Args:
         made: the figure.
@@ -70,5 +74,13 @@ def save(made: Figure, file: str | Path, dpi: float | None = None) -> Path:
 
 
 def figure(width: float, height: float) -> Figure:
-    """An empty figure, inches; call inside `look()`."""
+    """An empty figure, inches; call inside `look()`.
+
+    Args:
+        width: inches.
+        height: inches.
+
+    Returns:
+        The figure.
+    """
     return Figure(figsize=(width, height), dpi=DPI, facecolor="white")

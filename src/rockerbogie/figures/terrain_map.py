@@ -24,18 +24,21 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-UNKNOWN = "#c9d6e2"
+UNKNOWN, OUT_OF_REACH = "#c9d6e2", "#7f7f7f"
 STRENGTH = (0.8, 0.75, 0.7, 0.5)  # of the classes' colours over the shaded ground
 PALE = 0.7  # of that where a way is drawn over them
 _ANGLES = {"tilt": "tilt", "pitch": "pitch", "roll": "roll", "rocker": "rocker", "bogie": "bogie"}
 
 
 def terrain_map(maps: xr.Dataset, plan: Route | None = None) -> Figure:
-    """Cells coloured by the share of headings passable, over the shaded ground if it is there, with what it means beside.
+    """Draw a map coloured by the share of headings passable, with its legend.
 
     Args:
         maps: small enough to draw, from `maps.preview.overview`; its layer `ground`, where there is one, is shaded.
         plan: a way to draw over it.
+
+    Returns:
+        The figure.
     """
     bounds = _bounds(maps)
     wide, high = bounds[2] - bounds[0], bounds[3] - bounds[1]
@@ -77,7 +80,7 @@ def _bounds(maps: xr.Dataset) -> Bounds:
 
 
 def _kinds(share: Array) -> NDArray[np.intp]:
-    """Which class a share of headings is of."""
+    """Return the class of each share of headings."""
     return np.digitize(share, [c.most + 1e-9 for c in CLASSES[:-1]])
 
 
@@ -87,6 +90,7 @@ def _colours(maps: xr.Dataset, share: Array, paled: float) -> Array:
     colour = np.array([to_rgb(c.colour) for c in CLASSES])[kind]
     strength = paled * np.array(STRENGTH)[kind][..., None]
     colour[np.isnan(share)] = to_rgb(UNKNOWN)
+    colour[_out_of_reach(maps, share)] = to_rgb(OUT_OF_REACH)
     if "ground" not in maps:
         return np.asarray(1 - strength + strength * colour)
     z = maps["ground"].values
@@ -96,10 +100,17 @@ def _colours(maps: xr.Dataset, share: Array, paled: float) -> Array:
     return np.asarray(np.clip((1 - strength) * light + strength * colour * (0.45 + 0.7 * light), 0, 1))
 
 
+def _out_of_reach(maps: xr.Dataset, share: Array) -> NDArray[np.bool_]:
+    """Return the passable cells that a map of `reachability` says cannot be reached."""
+    if "reachable" not in maps:
+        return np.zeros(share.shape, dtype=bool)
+    return np.asarray((share > 0) & (maps["reachable"].values == 0))
+
+
 def _draw_way(ax: Axes, plan: Route) -> list[Artist]:
     """Draw it, and give what the legend shows of it."""
     ax.plot(plan.x, plan.y, color="white", lw=4.2, solid_capstyle="round", solid_joinstyle="round", zorder=4)
-    said = f"least-cost way, {plan.distance[-1]:.4g} m"
+    said = f"least-cost route, {plan.distance[-1]:.4g} m"
     marks: dict[str, Any] = {"mfc": "white", "mec": INK, "ms": 9, "ls": "", "zorder": 9, "clip_on": False}
     return [
         *ax.plot(plan.x, plan.y, color="#0072B2", lw=2.2, solid_capstyle="round", solid_joinstyle="round", zorder=5, label=said),
@@ -120,20 +131,24 @@ def _said(plan: Route | None, maps: xr.Dataset) -> str:
     if plan is None:
         return asked
     turned = np.degrees(np.abs(np.diff(plan.yaw)).sum())
-    return f"the way: tilt up to {np.degrees(np.nanmax(plan.tilt)):.1f}°, turning {turned:.0f}° in all · {asked}"
+    return f"route: tilt up to {np.degrees(np.nanmax(plan.tilt)):.1f}°, turning {turned:.0f}° in all · {asked}"
 
 
 def _legend(ax: Axes, share: Array, maps: xr.Dataset, way: list[Artist]) -> None:
-    """What the colours mean, how much ground is of each, and the limits that decide it."""
+    """Draw the legend: classes, their shares of the terrain, and the limits."""
     ax.axis("off")
     known = np.isfinite(share)
     part = np.bincount(_kinds(share[known]), minlength=len(CLASSES)) / max(known.sum(), 1)
     patches: list[Artist] = [
-        Patch(color=c.colour, alpha=0.85, label=f"{c.label}\n{100 * p:.1f} % of the known ground")
+        Patch(color=c.colour, alpha=0.85, label=f"{c.label}\n{100 * p:.1f} % of the known terrain")
         for c, p in reversed(list(zip(CLASSES, part, strict=True)))
     ]
+    if "reachable" in maps:
+        start = maps.attrs.get("reached_from", "the start")
+        lost = 100 * _out_of_reach(maps, share).sum() / max(known.sum(), 1)
+        patches.append(Patch(color=OUT_OF_REACH, label=f"out of reach from {start} m\n{lost:.1f} % of the known terrain"))
     if not known.all():
-        patches.append(Patch(color=UNKNOWN, label=f"unknown ground, or the map's rim\n{100 * (~known).mean():.1f} % of the map"))
+        patches.append(Patch(color=UNKNOWN, label=f"missing data, or the map's edge\n{100 * (~known).mean():.1f} % of the map"))
     legend = ax.legend(
         handles=patches + way, loc="upper left", bbox_to_anchor=(0, 1), borderaxespad=0, fontsize=8.5, labelspacing=0.9
     )
@@ -146,6 +161,6 @@ def _limits(attrs: dict[str, Any]) -> str:
     limits = json.loads(attrs.get("limits", "{}"))
     lines = [f"{name} up to {np.degrees(limits[name]):.3g}°" for name in _ANGLES if limits.get(name) is not None]
     if limits.get("clearance") is not None:
-        lines.append(f"belly clear by more than {limits['clearance']:g} m")
-    settled = "six wheels down" if attrs.get("mode", "contact") == "contact" else "at rest"
+        lines.append(f"clearance above {limits['clearance']:g} m")
+    settled = "six wheels in contact" if attrs.get("mode", "contact") == "contact" else "in equilibrium"
     return "\n".join([f"Passable: {settled}", *lines])

@@ -19,9 +19,18 @@ CELLS = 260  # along the longer side
 def ground_mesh(
     terrain: Terrain, bounds: tuple[float, float, float, float], base: float | None = None, cells: int = CELLS
 ) -> Mesh:
-    """The ground within bounds (xmin, ymin, xmax, ymax), m, on a block that reaches down to `base`.
+    """Return the terrain within bounds as triangles, on a block that reaches down to `base`.
 
     Unknown ground is left out. `base` defaults to a little below the lowest point.
+
+    Args:
+        terrain: the terrain.
+        bounds: xmin, ymin, xmax, ymax, m.
+        base: height of the block's lower face, m; default: `block_base`.
+        cells: along the longer side.
+
+    Returns:
+        The triangles, without missing data.
     """
     x, y, z = sample_ground(terrain, bounds, cells)
     px, py = np.meshgrid(x, y)
@@ -37,7 +46,16 @@ def ground_mesh(
 
 
 def sample_ground(terrain: Terrain, bounds: tuple[float, float, float, float], cells: int = CELLS) -> tuple[Array, Array, Array]:
-    """Columns x, rows y and heights (rows, cols) that show the ground within bounds, m; nan where it is not known."""
+    """Return x (cols,), y (rows,) and heights (rows, cols) within bounds, m; NaN: missing.
+
+    Args:
+        terrain: the terrain.
+        bounds: xmin, ymin, xmax, ymax, m.
+        cells: along the longer side.
+
+    Returns:
+        x, y and heights, m.
+    """
     xmin, ymin, xmax, ymax = bounds
     step = max(xmax - xmin, ymax - ymin) / cells
     x = np.linspace(xmin, xmax, max(2, round((xmax - xmin) / step) + 1))
@@ -46,7 +64,14 @@ def sample_ground(terrain: Terrain, bounds: tuple[float, float, float, float], c
 
 
 def block_base(z: Array) -> float:
-    """Where the block under the ground ends, m: a seventh of the relief, but something, below its lowest point."""
+    """Return the height of the block's base, m: 15 % of the relief below the lowest point.
+
+    Args:
+        z: heights, m.
+
+    Returns:
+        The height of the base, m; at least 0.05 m below the lowest point.
+    """
     low, high = float(np.nanmin(z)), float(np.nanmax(z))
     return low - max(0.15 * (high - low), 0.05)
 

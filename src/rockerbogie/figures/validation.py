@@ -1,4 +1,4 @@
-"""Predicted against logged attitude: scatter with each place's band, and place by place along the log."""
+"""Predicted against logged attitude: scatter with bands, and place by place."""
 
 from __future__ import annotations
 
@@ -22,7 +22,14 @@ BAND, INSIDE, OUTSIDE = "#B7D3E6", LEFT, RIGHT
 
 
 def validation_figure(found: xr.Dataset) -> Figure:
-    """The Dataset of `rockerbogie.validate`: a line of pictures a channel. Of rows at one place the first is drawn."""
+    """Draw the result of `validate`, one row of charts per channel.
+
+    Args:
+        found: from `validate`; of rows at one place the first is drawn.
+
+    Returns:
+        The figure.
+    """
     band = "low" in found
     first = np.unique(found["stand"].to_numpy(), return_index=True)[1] if band else np.arange(found.sizes["row"])
     places = found.isel(row=first)
@@ -80,7 +87,7 @@ def _scatter(axes: Axes, places: xr.Dataset, channel: str, band: bool) -> None:
 
 
 def _name_worst(axes: Axes, places: xr.Dataset, predicted: Any, logged: Any, span: tuple[float, float], band: bool) -> None:
-    """Names beside the places outside their band, the worst first, none over another; without a band beside the worst three."""
+    """Label the places outside their band, worst first; without a band the worst three."""
     apart = np.where(np.isfinite(predicted), np.abs(logged - predicted), -np.inf)
     wanted = apart >= 0 if not band else (apart >= 0) & ~places["inside"].to_numpy()
     placed: list[tuple[float, float]] = []
