@@ -1,4 +1,4 @@
-"""Maps on file, read back by others: rasterio, rio-cogeo, rioxarray, xarray, and an XML parser for the style."""
+"""Map files read by other libraries: rasterio, rio-cogeo, rioxarray, xarray, XML."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ import rockerbogie as rb
 from rockerbogie.figures.terrain_map import terrain_map
 from rockerbogie.maps import files
 from rockerbogie.maps.files import read_map, write_map
-from rockerbogie.maps.layers import LAYERS
 from rockerbogie.maps.preview import overview, tally
 from rockerbogie.maps.style import CLASSES, write_style
 from support.helpers import assert_close
@@ -96,7 +95,7 @@ def test_geotiff_holds_every_heading_if_asked(drawn: xr.Dataset, tmp_path: Path)
         flags = raster.read(band_of(raster, "exceeded_h270.0"))[::-1]
         assert_close(flags, drawn["exceeded"].values[3], 0, "bits", "heading 270 degrees")
     back = read_map(file)
-    assert set(back.data_vars) == set(LAYERS)
+    assert set(back.data_vars) == set(drawn.data_vars)
     for name in back.data_vars:
         assert back[name].dtype == drawn[name].dtype
         assert back[name].dims == drawn[name].dims
@@ -213,7 +212,7 @@ def test_picture_says_what_share_is_passable(drawn: xr.Dataset, tmp_path: Path) 
     assert legend is not None
     counts = tally(drawn)
     texts = [t.get_text() for t in legend.get_texts()]
-    assert texts[0] == f"every heading passable\n{100 * counts.every / counts.known:.1f} % of the known ground"
+    assert texts[0] == f"every heading passable\n{100 * counts.every / counts.known:.1f} % of the known terrain"
     assert len(texts) == len(CLASSES) + 1
     said = [t.get_text() for t in fig.axes[1].texts]
     assert "tilt up to 28.6°" in said[0]

@@ -1,4 +1,4 @@
-"""Maps are `settle` at every cell and heading, the same to the last byte however they are cut, shared out or broken off."""
+"""Maps are bit-identical to `settle`, in any pieces, processes and interrupted runs."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ HEADINGS = [0.3, 1.7]  # rad
 
 
 def heights(shape: tuple[int, int] = (300, 140)) -> np.ndarray:
-    """A dune with rough patches, a steep bank, blocks, unknown ground at a corner and in the middle; far below datum."""
+    """A dune with rough patches, a steep bank, blocks and missing data; far below datum."""
     rng = np.random.default_rng(11)
     y, x = np.indices(shape)
     z = 0.4 * np.sin(x / 30) + 0.004 * rng.normal(size=shape) * (y > 100) + 0.6 / (1 + np.exp((90 - y) / 2.0))
@@ -473,7 +473,7 @@ def test_limits_that_are_none(wrong: dict[str, Any], sentence: str) -> None:
 
 
 def test_memory_is_bounded_by_the_chunk_and_not_by_the_map(tmp_path: Path) -> None:
-    """A raster of 6,000 x 6,000 nodes (288 MB of heights) takes less than half of that beyond what small ground takes."""
+    """A raster of 288 MB of heights takes less than half of that in memory."""
     rasterio = pytest.importorskip("rasterio", reason="needs the geo extra")
     pytest.importorskip("zarr", reason="needs the scale extra")
     n, path = 6000, tmp_path / "wide.tif"

@@ -1,4 +1,4 @@
-"""Ways over maps: against a search written from the definition, the exact maps of `settle`, and `drive` along them."""
+"""Routes: against a search written from the definition, exact maps, and `drive`."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ State = tuple[int, int, int]  # heading, row, column
 
 @lru_cache
 def run_through(row: int, col: int, step: tuple[int, int]) -> set[tuple[int, int]]:
-    """Cells under the straight line from a cell's centre, by walking along it; a corner merely touched is none."""
+    """Return the cells under a straight line, by sampling it; corner contacts do not count."""
     share = (np.arange(1000) + 0.5) / 1000
     rows, cols = row + step[1] * share, col + step[0] * share
     return {(math.floor(r + 0.5), math.floor(c + 0.5)) for r, c in zip(rows, cols, strict=True)}
 
 
 def ways_out(maps: xr.Dataset, state: State, in_place: bool, radius: float, backward: bool) -> Iterator[tuple[State, float]]:
-    """Every move from a state with its cost, from the page's words; arcs of `radius` m or wider, all weights 1."""
+    """Yield every move from a state with its cost, by the documentation, all weights 1."""
     exceeded, tilt = maps["exceeded"].values, maps["tilt"].values
     headings, rows, cols = exceeded.shape
     steps, dx = STEPS[headings], float(maps.attrs["resolution"])
@@ -78,7 +78,7 @@ def ways_out(maps: xr.Dataset, state: State, in_place: bool, radius: float, back
 
 
 def least_costs(maps: xr.Dataset, start: tuple[int, int], in_place: bool, radius: float, backward: bool) -> dict[State, float]:
-    """The least cost to every state from a cell at any heading: relaxed over and over till nothing changes."""
+    """Return the least cost to every state from a cell, by relaxation until nothing changes."""
     free = (maps["exceeded"].values == 0) & np.isfinite(maps["tilt"].values)
     out = {tuple(map(int, s)): list(ways_out(maps, tuple(map(int, s)), in_place, radius, backward)) for s in np.argwhere(free)}
     costs = {s: 0.0 for s in out if s[1:] == start}
@@ -132,7 +132,7 @@ def test_least_cost_is_that_of_the_definition(headings: int, turning: str, monke
 
 
 def is_a_way(maps: xr.Dataset, plan: rb.Plan, in_place: bool, radius: float, backward: bool) -> None:
-    """Each pose of a plan follows from the one before by a move of the definition, at the cost that it says."""
+    """Each pose follows from the one before by a move of the definition, at its cost."""
     headings = maps.sizes["heading"]
     k = np.round(plan.yaw * headings / (2 * np.pi), 6)
     kept = k == np.round(k)  # the corner of an arc faces halfway
@@ -335,7 +335,7 @@ def test_the_same_call_gives_the_same_way() -> None:
 
 
 def test_a_way_over_real_ground(data: Callable[[str], Path]) -> None:
-    """Gale at 1 m: 1.9 million states; the exact map is another test's, slopes stand for tilt here."""
+    """Gale at 1 m: 1.9 million states; slopes stand for tilt, exact maps have their own test."""
     terrain = rb.Terrain.from_raster(data("gale/missionDEM.tif"))
     slope = np.arctan(np.linalg.norm(terrain.gradient(*np.meshgrid(terrain.x, terrain.y)), axis=-1))
     shape = (16, *slope.shape)

@@ -1,4 +1,4 @@
-"""A window of a map gives what the whole map gives, to the last bit; and no more of the map is read than the window."""
+"""A window gives the same bits as the whole map, and no more of the map is read."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ STEP = (0.08, 0.07)
 SHAPE = (620, 590)  # three tiles a side
 
 
-def heights(holes: bool, shape: tuple[int, int] = SHAPE) -> np.ndarray:
+def heights(missing: bool, shape: tuple[int, int] = SHAPE) -> np.ndarray:
     """Rough ground far below datum, with unknown nodes and a wide unknown patch."""
     rng = np.random.default_rng(7)
     z = -4450.0 + 0.02 * rng.normal(size=shape) + 0.3 * np.sin(np.arange(shape[1]) / 40)
-    if holes:
+    if missing:
         z[rng.random(shape) < 5e-4] = np.nan
         z[230:330, 120:290] = np.nan
     return z
@@ -45,12 +45,12 @@ def same(a: Any, b: Any) -> bool:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("holes", [False, True])
-def test_ground_laid_in_windows_is_the_whole_grounds(kind: Any, holes: bool) -> None:
-    z = heights(holes)
+@pytest.mark.parametrize("missing", [False, True])
+def test_ground_laid_in_windows_is_the_whole_grounds(kind: Any, missing: bool) -> None:
+    z = heights(missing)
     terrain = Terrain.from_array(z, STEP, ORIGIN, kind)
     whole = hold_ground(terrain).whole
-    assert np.isfinite(whole.curvature or 0) == (kind == "cubic" and not holes)
+    assert np.isfinite(whole.curvature or 0) == (kind == "cubic" and not missing)
     spans = [(0, 2), (0, 100), (250, 262), (255, 257), (256, 512), (100, 590), (588, 590)]
     for rows in [*spans, (618, 620), (0, 620)]:
         for cols in spans:
@@ -61,10 +61,10 @@ def test_ground_laid_in_windows_is_the_whole_grounds(kind: Any, holes: bool) -> 
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("holes", [False, True])
+@pytest.mark.parametrize("missing", [False, True])
 @pytest.mark.parametrize("mode", ["contact", "equilibrium"])
-def test_poses_in_a_window_are_the_whole_maps(kind: Any, holes: bool, mode: Any) -> None:
-    z, rover = heights(holes), paper_rover()
+def test_poses_in_a_window_are_the_whole_maps(kind: Any, missing: bool, mode: Any) -> None:
+    z, rover = heights(missing), paper_rover()
     terrain = Terrain.from_array(z, STEP, ORIGIN, kind)
     whole, far = hold_ground(terrain).whole, reach(rover)
     rng = np.random.default_rng(1)
@@ -90,13 +90,13 @@ def test_poses_in_a_window_are_the_whole_maps(kind: Any, holes: bool, mode: Any)
             assert same(window.gradient(x, y), terrain.gradient(x, y))
     assert rb.Status.CONVERGED in seen
     assert rb.Status.OFF_MAP in seen
-    assert holes == (rb.Status.NO_DATA in seen)
+    assert missing == (rb.Status.NO_DATA in seen)
 
 
 @pytest.mark.nojit
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_node_beside_a_window_is_read(kind: Any) -> None:
-    """In plain Python an index beside the window raises; compiled, what lies beside it is nan and would be felt."""
+    """In plain Python an index outside the window raises; compiled, NaN lies there."""
     rng = np.random.default_rng(3)
     shape, rover = (70, 64), paper_rover()
     z = 0.05 * rng.normal(size=shape)
@@ -121,7 +121,7 @@ def test_no_node_beside_a_window_is_read(kind: Any) -> None:
 
 
 def test_the_reach_bounds_the_rover() -> None:
-    """No wheel, however the joints turn, and no corner of the box comes further from the reference point."""
+    """No wheel at any joint angle and no corner of the box is further from the reference point."""
     rng = np.random.default_rng(0)
     for name in ("elhami-dashti", "curiosity", "perseverance", "rocky7"):
         rover = rb.load_rover(name)
@@ -170,7 +170,7 @@ def test_the_reference_height_of_a_file_is_the_terrains(tmp_path: Any, monkeypat
         monkeypatch.setattr(filed_ground, "BAND", band)
         for known in ((slice(None), slice(None)), (slice(1, None, 16), slice(None)), (slice(None), slice(2, None, 15))):
             z = np.full(SHAPE, np.nan)
-            z[known] = heights(holes=True)[known]
+            z[known] = heights(missing=True)[known]
             z[17, 17] = 9.9e6
             path = tmp_path / "ground.tif"
             place = rasterio.Affine(STEP[0], 0, ORIGIN[0], 0, -STEP[1], ORIGIN[1])

@@ -38,7 +38,7 @@ def map_of(exceeded: np.ndarray, tilt: np.ndarray, unknown: np.ndarray, rng: np.
     data["best_heading"] = np.where(free.any(axis=0) & ~unknown, flattest, np.nan)
     data["worst_clearance"] = data["clearance"].min(axis=0)
     data["worst_exceeded"] = np.bitwise_or.reduce(exceeded, axis=0)
-    data = {name: data[name].astype(layer.kind) for name, layer in LAYERS.items()}
+    data = {name: data[name].astype(layer.kind) for name, layer in LAYERS.items() if name in data}
     limits = Limits(tilt=0.5, pitch=0.3, roll=0.3, clearance=0.0).to_json()
     about = {
         "crs": "EPSG:32633",

@@ -1,4 +1,4 @@
-"""The places of a map: cells on the ground's own lattice, in tiles that are settled one by one and chunks of tiles."""
+"""Cells of a map on the terrain's lattice, in tiles and chunks of tiles."""
 
 from __future__ import annotations
 
@@ -100,8 +100,15 @@ class Cells:
 
 
 def cells_over(ground: MapExtent, resolution: float | None, bounds: tuple[float, float, float, float] | None) -> Cells:
-    """The cells of a map: every `resolution` m from the ground's first node on (None: the nodes themselves), or those of
-    them whose centres lie within bounds (xmin, ymin, xmax, ymax).
+    """Return the cells of a map.
+
+    Args:
+        ground: extent of the terrain.
+        resolution: side of a cell, m, counted from the first node; None: the nodes themselves.
+        bounds: (xmin, ymin, xmax, ymax) m: only cells with their centres inside.
+
+    Returns:
+        The cells.
 
     Raises:
         RockerbogieError: a resolution that is no length, bounds that hold no cell.

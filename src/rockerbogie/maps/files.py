@@ -1,4 +1,4 @@
-"""Maps on file: cloud-optimised GeoTIFF for QGIS, Zarr and NetCDF (CF) for programs; and back."""
+"""Map files: cloud-optimised GeoTIFF, Zarr and NetCDF (CF), written and read."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import RockerbogieError, expect
 from ..outputs import check_outputs, remove_sidecars
-from .layers import LAYERS
+from .layers import LAYERS, REACH
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -98,7 +98,7 @@ def write_map(
 
 
 def check_place(path: Path) -> None:
-    """Raise where a map cannot be written: its ending names no way to, or a folder of something else is there."""
+    """Raise if a map cannot be written: unknown ending, or a folder of something else."""
     _check_ending(path)
     if path.is_dir() and not _is_zarr(path):
         raise RockerbogieError(f"{str(path)!r} is a folder and no map: give another name")
@@ -110,7 +110,7 @@ def _check_ending(path: Path) -> None:
 
 
 def read_map(file: str | Path) -> xr.Dataset:
-    """A map that was saved: as it was (Zarr, NetCDF), or what a GeoTIFF's bands hold, back in radians.
+    """Read a map: as it was (Zarr, NetCDF), or from a GeoTIFF's bands, back in radians.
 
     Zarr and NetCDF are read when looked at.
 
@@ -135,7 +135,7 @@ def read_map(file: str | Path) -> xr.Dataset:
         raise RockerbogieError(f"reading {path.suffix} needs more packages ({error}): pip install 'rockerbogie[scale]'") from None
     except (OSError, ValueError, KeyError) as error:
         raise RockerbogieError(f"{str(file)!r} cannot be read as {path.suffix}: {' '.join(str(error).split())}") from None
-    if not LAYERS.keys() & set(maps.data_vars):
+    if not (LAYERS.keys() | REACH.keys()) & set(maps.data_vars):
         raise RockerbogieError(
             f"{str(file)!r} is no map of where a rover can go: it has no layer {FIRST!r}, nor another of one's"
         )
@@ -143,7 +143,7 @@ def read_map(file: str | Path) -> xr.Dataset:
 
 
 def bands(maps: xr.Dataset, per_heading: bool) -> list[Band]:
-    """The bands of a map's GeoTIFF: summaries, `passable` first; then, with `per_heading`, heading by heading."""
+    """Return the bands of a map's GeoTIFF: summaries, then with `per_heading` every heading."""
     found = []
     for name, variable in _ordered(maps).data_vars.items():
         if set(variable.dims) == {"y", "x"}:
@@ -176,7 +176,7 @@ def _write_geotiff(maps: xr.Dataset, path: Path, per_heading: bool, tell: Progre
     rows, cols = maps.sizes["y"], maps.sizes["x"]
     profile = {
         "driver": "GTiff", "dtype": "float32", "count": len(layers), "height": rows, "width": cols, "nodata": np.nan,
-        "crs": maps.attrs.get("crs"), "transform": transform(maps), "tiled": True, "blockxsize": TILE, "blockysize": TILE,
+        "crs": crs_of(maps), "transform": transform(maps), "tiled": True, "blockxsize": TILE, "blockysize": TILE,
         "interleave": "band", "compress": "deflate", "predictor": 3, "zlevel": 1, "bigtiff": "if_safer",
     }  # fmt: skip
     try:
@@ -198,8 +198,8 @@ def _write_geotiff(maps: xr.Dataset, path: Path, per_heading: bool, tell: Progre
 
 
 def _describe(raster: Any, maps: xr.Dataset, layers: list[Band]) -> None:
-    """Names, units and meanings into the file: what people see, and what `_read_geotiff` goes by."""
-    kept = {"attrs": maps.attrs, "heading": maps["heading"].values}
+    """Write names, units and meanings into the file, for people and for `_read_geotiff`."""
+    kept: dict[str, Any] = {"attrs": maps.attrs, "heading": maps["heading"].values if "heading" in maps.coords else []}
     raster.update_tags(**{name: str(maps.attrs.get(name, "")) for name in ("rover", "terrain", "mode")}, map=_json(kept))
     for k, band in enumerate(layers, 1):
         variable = maps[band.variable]
@@ -225,7 +225,7 @@ def _copy_piece(maps: xr.Dataset, layers: list[Band], raster: Any, rows: slice, 
 
 
 def pieces(maps: xr.Dataset) -> Iterator[tuple[slice, slice]]:
-    """A map's rows and columns in pieces that fit in memory, from the north so that a GeoTIFF's tiles are met whole."""
+    """Yield a map's rows and columns in pieces that fit in memory, from the north."""
     rows, cols = maps.sizes["y"], maps.sizes["x"]
     for row in range(rows, 0, -PIECE[0]):
         for col in range(0, cols, PIECE[1]):
@@ -233,9 +233,38 @@ def pieces(maps: xr.Dataset) -> Iterator[tuple[slice, slice]]:
 
 
 def cell_size(maps: xr.Dataset) -> tuple[float, float]:
-    """dx and dy of a map's cells, m."""
-    dx, dy = np.broadcast_to(np.asarray(maps.attrs["resolution"], dtype=float), (2,))
-    return float(dx), float(dy)
+    """Return dx and dy of a map's cells, m, by its coordinates: a resampled map has its own.
+
+    Raises:
+        RockerbogieError: coordinates that are not evenly spaced or do not grow, or one cell without `resolution`.
+    """
+    told = maps.attrs.get("resolution")
+    said = None if told is None else np.broadcast_to(np.asarray(told, dtype=float), (2,))
+    sides = []
+    for k, axis in enumerate(("x", "y")):
+        at = np.asarray(maps[axis].values, dtype=float)
+        if len(at) > 1:
+            side = (at[-1] - at[0]) / (len(at) - 1)
+            rounding = 4 * float(np.spacing(np.abs(at).max()))
+            if not side > 0 or np.abs(np.diff(at) - side).max() > 1e-3 * side + rounding:
+                raise RockerbogieError(
+                    f"the map's {axis} is not evenly spaced and growing: sort it (sortby({axis!r})) or resample it to even steps"
+                )
+            kept = said is not None and abs(side - said[k]) <= 1e-6 * side + rounding
+            sides.append(float(said[k]) if kept and said is not None else float(side))
+        elif said is not None:
+            sides.append(float(said[k]))
+        else:
+            raise RockerbogieError(f"the map has one cell along {axis} and no attribute 'resolution': its size is unknown")
+    return sides[0], sides[1]
+
+
+def crs_of(maps: xr.Dataset) -> str | None:
+    """Return a map's CRS: its attribute, or that of its grid mapping, which resampling keeps."""
+    if maps.attrs.get("crs"):
+        return str(maps.attrs["crs"])
+    mapping = maps.coords["spatial_ref"].attrs if "spatial_ref" in maps.coords else {}
+    return mapping.get("crs_wkt") or mapping.get("spatial_ref") or None
 
 
 def transform(maps: xr.Dataset) -> Any:
@@ -292,7 +321,7 @@ def _write_zarr(maps: xr.Dataset, path: Path) -> None:
 
 
 def _write_netcdf(maps: xr.Dataset, path: Path, tell: Progress) -> None:
-    """Blocks lie in the file as they come: written one by one in order, so that the same map gives the same bytes."""
+    """Write block by block in order, so that the same map gives the same bytes."""
     import h5netcdf
 
     needed, free = maps.nbytes, shutil.disk_usage(path.parent).free

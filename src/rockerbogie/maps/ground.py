@@ -21,12 +21,12 @@ from ..terrain.window import Datum, Interpolation, MapExtent, check_grid, greate
 Span = tuple[int, int]  # first, one past the last
 
 BAND = 1 << 22  # nodes of a file read at once to tell its levels: 32 MB of heights
-BLOCK = 4 * spline.TILE  # nodes a side worked on at once to tell how much its spline bends
+BLOCK = 4 * spline.TILE  # nodes a side worked on at once to compute the curvature of its spline
 SPARE = 4  # nodes of a window beyond what the rover can reach
 
 
 class Ground(Protocol):
-    """What a map is made over."""
+    """Terrain of a map, in memory or in a file."""
 
     @property
     def whole(self) -> MapExtent:
@@ -39,10 +39,10 @@ class Ground(Protocol):
         """Nodes that such a window takes up memory for."""
 
     def sent(self, rows: Span, cols: Span) -> Ground:
-        """As much of it as another process needs to make that window."""
+        """Return as much of it as another process needs to make that window."""
 
     def digest(self) -> str:
-        """What tells its heights from any others."""
+        """Return the digest of its heights."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class InMemory:
         return self.terrain
 
     def cost(self, rows: Span, cols: Span) -> int:
-        """None."""
+        """Return 0: memory that is already taken."""
         return 0
 
     def sent(self, rows: Span, cols: Span) -> Ground:
@@ -107,7 +107,7 @@ def hold_ground(terrain: Terrain) -> InMemory:
 
 
 def open_ground(path: str | Path, band: int, interpolation: Interpolation, cell: float | None = None) -> InFile:
-    """The ground in a file, after one pass over it in windows: its reference height, its digest, its bend, its slope.
+    """Open the terrain in a file: one pass for reference height, digest, curvature and slope.
 
     Raises:
         TerrainError: not a raster of heights (`raster.open_raster`); a grid that `terrain.check_grid` refuses; heights beyond
@@ -120,7 +120,7 @@ def open_ground(path: str | Path, band: int, interpolation: Interpolation, cell:
     outline = (raster.shape, raster.spacing, raster.origin)
     check_grid(raster.name, *outline)
     raster = raster.screened()
-    datum, holes = Datum(raster.name, *outline), False
+    datum, missing = Datum(raster.name, *outline), False
     digest, rises, before = hashlib.sha256(), (0.0, 0.0), None
     step = max(BAND // cols, 1)
     for row in range(0, rows, step):
@@ -129,16 +129,16 @@ def open_ground(path: str | Path, band: int, interpolation: Interpolation, cell:
         datum.add(row, z)
         rises = greatest_rises(z if before is None else np.concatenate([before, z]), rises)
         before = z[-1:]
-        holes |= not np.isfinite(z).all()
+        missing |= not np.isfinite(z).all()
     level = datum.height()
-    curvature = _curvature(raster, level) if interpolation == "cubic" and not holes else math.inf
+    curvature = _curvature(raster, level) if interpolation == "cubic" and not missing else math.inf
     steep = slope(rises, raster.spacing) if interpolation == "linear" else math.inf
     whole = MapExtent(*outline, interpolation, raster.crs, Path(raster.name).stem, level, curvature, steep)
     return InFile(raster, whole, digest.hexdigest())
 
 
 def _curvature(raster: Raster, level: float) -> float:
-    """How much the spline of a file without holes bends at most."""
+    """Return the greatest curvature of the spline of a file without missing data."""
     greatest = [0.0, 0.0, 0.0]
     spans = [[(n, min(n + BLOCK, count)) for n in range(0, count, BLOCK)] for count in raster.shape]
     for rows in spans[0]:
@@ -151,19 +151,19 @@ def _curvature(raster: Raster, level: float) -> float:
 
 
 def reach(rover: Rover) -> float:
-    """How far (m, level) from the body's reference point anything of the rover can be, whatever its joints do."""
+    """Return the rover's greatest horizontal reach from its reference point, at any joints, m."""
     farthest = float(np.linalg.norm(np.abs(rover.body_box).max(axis=0)))
     for i in range(6):
         side = i % 2
-        pivot, knee, hub = rover.rocker_pivot[side], rover.bogie_pivot[side], rover.hubs[i]
-        links = [pivot, hub - pivot] if i < 2 else [pivot, knee - pivot, hub - knee]
+        pivot, bogie, hub = rover.rocker_pivot[side], rover.bogie_pivot[side], rover.hubs[i]
+        links = [pivot, hub - pivot] if i < 2 else [pivot, bogie - pivot, hub - bogie]
         arm = sum(float(np.linalg.norm(link)) for link in links) + 2.0 * float(np.linalg.norm(rover.steering_offset[i]))
         farthest = max(farthest, arm + math.hypot(rover.wheel_radius[i], 0.5 * rover.wheel_width[i]))
     return farthest
 
 
 def nodes_under(low: float, high: float, first: float, step: float, count: int, margin: float) -> Span:
-    """The nodes of an axis that poses between low and high (m) may read, for a rover that reaches as far as `margin`."""
+    """Return the nodes of an axis that poses between low and high (m) may read."""
     start = math.floor((low - margin - first) / step) - SPARE
     stop = math.ceil((high + margin - first) / step) + SPARE + 1
     return min(max(start, 0), count - 2), max(min(stop, count), 2)

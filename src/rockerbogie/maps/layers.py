@@ -1,4 +1,4 @@
-"""What a map holds: its layers, their units and meanings, and the Dataset they make."""
+"""Layers of a map, their units and meanings, and their Dataset."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ class Layer(NamedTuple):
     kind: str  # NumPy's name of its numbers
     units: str
     long_name: str
+    usual: bool = True  # made unless other layers are named
 
     @property
     def dims(self) -> tuple[str, ...]:
@@ -33,7 +34,7 @@ class Layer(NamedTuple):
 
     @property
     def blank(self) -> float:
-        """What it holds where nothing has been written."""
+        """Return its value where no tile has been written."""
         return 0 if self.kind == "uint8" else math.nan
 
 
@@ -47,29 +48,46 @@ LAYERS = {
     "bogie_right": Layer(True, "float64", "rad", "right bogie angle to its rocker"),
     "clearance": Layer(True, "float64", "m", "least height of the body's box over the ground"),
     "exceeded": Layer(True, "uint8", "1", "limits exceeded"),
+    "margin": Layer(True, "float64", "rad", "angle left to the closest limit, negative beyond it", False),
     "passable": Layer(False, "float32", "1", "share of headings at which no limit is exceeded"),
     "worst_tilt": Layer(False, "float64", "rad", "greatest tilt over all headings"),
     "best_tilt": Layer(False, "float64", "rad", "least tilt over all headings"),
     "best_heading": Layer(False, "float64", "rad", "passable heading of least tilt, from +x, counter-clockwise"),
     "worst_clearance": Layer(False, "float64", "m", "least clearance over all headings"),
     "worst_exceeded": Layer(False, "uint8", "1", "limits exceeded at any heading"),
+    "worst_margin": Layer(False, "float64", "rad", "least margin over all headings", False),
+    "slope": Layer(False, "float64", "rad", "slope of the terrain at the cell", False),
+    "aspect": Layer(False, "float64", "rad", "direction in which the terrain falls, from +x, counter-clockwise", False),
+    "roughness": Layer(False, "float64", "m", "RMS height of the terrain about its plane over a wheelbase", False),
+}
+
+
+#: Layers of `reachability`.
+REACH = {
+    "reachable": Layer(False, "float32", "1", "share of headings at which the rover can come here"),
+    "reach_cost": Layer(False, "float64", "m", "least cost of coming here, metres of level terrain"),
 }
 
 
 def chosen_layers(names: Iterable[str] | None) -> tuple[str, ...]:
-    """Layer names in their order; None is all of them.
+    """Return layer names in their order.
+
+    Args:
+        names: layers, or None for the usual ones; "all" stands for all of them.
 
     Raises:
-        RockerbogieError: a name that is no layer, or none at all.
+        RockerbogieError: an unknown name, or no name.
     """
     if names is None:
-        return tuple(LAYERS)
+        return tuple(name for name, layer in LAYERS.items() if layer.usual)
     asked = [names] if isinstance(names, str) else list(names)
+    if "all" in asked:
+        return tuple(LAYERS)
     for name in asked:
         if name not in LAYERS:
             raise RockerbogieError(unknown_name("layer", str(name), LAYERS))
     if not asked:
-        raise RockerbogieError(f"layers is empty: name some of {', '.join(LAYERS)}, or give None for all")
+        raise RockerbogieError(f"layers is empty: name some of {', '.join(LAYERS)}, or give None for the usual ones")
     return tuple(name for name in LAYERS if name in asked)
 
 

@@ -1,4 +1,4 @@
-"""What a rover may be asked to stand: limits of attitude, joints and clearance, and which of them a pose exceeds."""
+"""Limits of attitude, joints and clearance, and the limits that a pose exceeds."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BITS = {"pitch": 1, "roll": 2, "tilt": 4, "rocker": 8, "bogie": 16, "clearance":
 
 @dataclass(frozen=True)
 class Limits:
-    """The most that a pose may have of each, either way; None is no limit. Angles in rad, clearance in m.
+    """Limits of a pose, in both directions; None is no limit. Angles in rad, clearance in m.
 
     A pose must keep its clearance above the limit, and the rest within it. Whatever the limits, a joint on or beyond its
     mechanical stop exceeds, and so does a place where the rover cannot be settled.
@@ -54,7 +54,7 @@ class Limits:
         return PRESETS[name]
 
     def to_json(self) -> str:
-        """As text, None as null."""
+        """Return the limits as JSON, None as null."""
         return json.dumps({name: None if value is None else float(value) for name, value in asdict(self).items()})
 
 
@@ -69,8 +69,33 @@ PRESETS = {
 }  # fmt: skip
 
 
+def margin(pose: Pose, limits: Limits, tilt: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how far each pose is within its closest limit of an angle, rad.
+
+    Args:
+        pose: (...) settled poses.
+        limits: limits of pitch, roll, tilt, rocker and bogies; joint limits of the rover count too.
+        tilt: (...) of the poses, rad.
+
+    Returns:
+        (...) rad; negative beyond a limit, NaN where the pose is, infinite without any limit.
+    """
+    room = np.where(np.isnan(pose.z), np.nan, np.inf)
+    for angle, limit in ((pose.pitch, limits.pitch), (pose.roll, limits.roll), (tilt, limits.tilt)):
+        if limit is not None:
+            np.minimum(room, limit - np.abs(angle), out=room)
+    joints = ((pose.rocker, limits.rocker, pose.rover.rocker_limits),) + tuple(
+        (pose.bogie[..., side], limits.bogie, pose.rover.bogie_limits) for side in (0, 1)
+    )
+    for angle, limit, (low, high) in joints:
+        if limit is not None:
+            np.minimum(room, limit - np.abs(angle), out=room)
+        np.minimum(room, np.minimum(high - angle, angle - low), out=room)
+    return room
+
+
 def exceeded(pose: Pose, limits: Limits, tilt: NDArray[np.float64], clearance: NDArray[np.float64] | None) -> NDArray[np.uint8]:
-    """(...) bit mask of what each pose exceeds. Clearance that is not known (the map ends under the body) exceeds too."""
+    """Return the bit mask (...) of the limits that each pose exceeds; unknown clearance counts."""
     bits = np.zeros(pose.shape, dtype=np.uint8)
 
     def note(name: str, where: Any) -> None:

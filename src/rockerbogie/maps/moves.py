@@ -27,7 +27,7 @@ LONGEST_STEP = 10
 
 
 class Move(NamedTuple):
-    """One way out of every state of one heading."""
+    """One move from every state of one heading."""
 
     way: tuple[Place, ...]  # all that must be passable, from the state left to the one reached
     length: float  # over the ground, m
@@ -40,12 +40,12 @@ class Move(NamedTuple):
 
 
 def turns_in_place(rover: Rover) -> bool:
-    """Whether a rover can: the four corner wheels steer."""
+    """Return True if a rover turns on the spot: its four corner wheels steer."""
     return bool(rover.steers[[0, 1, 4, 5]].all())
 
 
 def turning_radius(rover: Rover) -> float:
-    """The tightest arc of a rover that steers with fewer than four corners, m: its steered wheels turned by 45°."""
+    """Return the tightest arc (m) of a rover with fewer steered corners: wheels turned by 45°."""
     if not rover.steers.any():
         return float("inf")
     fixed = rover.hubs[~rover.steers, 0].mean()
@@ -54,7 +54,7 @@ def turning_radius(rover: Rover) -> float:
 
 
 def grid_steps(heading: Array, cell: tuple[float, float] = (1.0, 1.0)) -> list[tuple[int, int]]:
-    """For each heading (n,), rad, the shortest step (cells east, cells north) that is nearer to it than to any other.
+    """Return for each heading (n,) the shortest step (cells east, north) closest to it.
 
     On square cells four even headings give a chess rook's steps, eight the king's, sixteen the king's and the knight's.
     (0, 0) where headings are too close for any step of `LONGEST_STEP` cells.
@@ -76,7 +76,7 @@ def grid_steps(heading: Array, cell: tuple[float, float] = (1.0, 1.0)) -> list[t
 
 
 def swept(step: tuple[int, int]) -> list[tuple[int, int]]:
-    """Cells that the straight line between two cells' centres runs through, first and last with them, in order."""
+    """Return the cells under the straight line between two cell centres, both included."""
     a, b = step
     cuts = {Fraction(0), Fraction(1)}
     for size in (abs(a), abs(b)):
@@ -110,7 +110,7 @@ def moves(heading: Array, cell: tuple[float, float], in_place: bool, radius: flo
 def graph(
     passable: NDArray[np.bool_], risk: NDArray[np.floating[Any]], ways: list[list[Move]], turn_cost: float
 ) -> tuple[Any, NDArray[np.int32]]:
-    """The moves between passable states (heading, y, x) as a sparse matrix of costs, and each state's row in it (or -1).
+    """Return the sparse costs of moves between passable states, and each state's row (or -1).
 
     A move's cost is its length times 1 + the mean risk of the states on its way, and `turn_cost` m a radian turned.
     """
@@ -144,7 +144,7 @@ def _one_move(
     move: Move,
     turn_cost: float,
 ) -> tuple[NDArray[np.int32], Array]:
-    """Where a move leads from each passable state of heading k, by its number or -1, and at what cost."""
+    """Return the target (number or -1) and cost of a move from each passable state of heading k."""
     rows, cols = passable.shape[1:]
     east, north = np.array([p[1] for p in move.way]), np.array([p[2] for p in move.way])
     low_x, high_x = max(0, -east.min()), cols - max(0, east.max())
@@ -178,7 +178,7 @@ def _arc(
     sign: int,
     cell: tuple[float, float],
 ) -> Move:
-    """Steps along the first heading, then as many along the other, with room in the corner for an arc of `radius` m."""
+    """Return steps along one heading and as many along the next, with room for the arc."""
     lengths = [hypot(s[0] * cell[0], s[1] * cell[1]) for _, s in (first, then)]
     count = max(1, ceil(radius * tan(angle / 2) / min(lengths) - 1e-9))
     way: list[Place] = []

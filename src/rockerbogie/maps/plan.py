@@ -1,4 +1,4 @@
-"""The least-cost way over a map of a rover's states: cell by cell, heading by heading, as the rover can turn."""
+"""Least-cost routes over a map, and the part of it that a rover can reach."""
 
 from __future__ import annotations
 
@@ -15,82 +15,208 @@ from ..motion.path_files import Route
 from ..rotations import wrap_angle
 from ..rover.formats import load_rover
 from ..rover.model import LOAD_ROVER, Rover
-from .files import cell_size, read_map
+from .files import cell_size, crs_of, read_map
+from .layers import REACH
 from .moves import graph, grid_steps, moves, turning_radius, turns_in_place
+from .overlays import cost_cells, keep_out_cells
+from .search import reach_from, through
 
 if TYPE_CHECKING:
     import xarray as xr
 
 Array = NDArray[np.float64]
 State = tuple[int, int, int]  # index of the heading, row (y), column (x)
+Maps = "xr.Dataset | str | FilePath"
 
 #: Tilt that counts as a risk of 1 where the map's limits name none, rad.
 USUAL_TILT = np.radians(30.0)
+#: Speed that times are computed with, m/s: Curiosity's greatest.
+USUAL_SPEED = 0.04
 
 
 class _Layers(NamedTuple):
-    """What a plan needs of a map."""
+    """The parts of a map that a plan reads."""
 
     heading: Array  # (n,) rad
     x: Array  # (cols,) m
     y: Array  # (rows,) m
     passable: NDArray[np.bool_]  # (n, rows, cols)
     tilt: NDArray[np.floating[Any]]  # (n, rows, cols) rad
+    clearance: NDArray[np.floating[Any]]  # (n, rows, cols) m
     cell: tuple[float, float]  # dx, dy, m
     crs: str | None
     rover: str
 
 
+class _Problem(NamedTuple):
+    """The graph of a map's states."""
+
+    layers: _Layers
+    costs: Any  # sparse (states, states): cost of each move, m
+    number: NDArray[np.int32]  # (n, rows, cols) of each state in the graph; -1 where it is not passable
+    rover: Rover | None
+
+
 def plan(
     maps: xr.Dataset | str | FilePath,
     start: Sequence[float],
-    goal: Sequence[float],
+    goal: Sequence[float] | Sequence[Sequence[float]],
     *,
     rover: Rover | None = None,
+    keep_out: Any = None,
+    keep_out_margin: float | None = None,
+    cost: Any = None,
     tilt_weight: float = 1.0,
     turn_cost: float = 1.0,
     turn_in_place: bool | None = None,
     backward: bool = False,
+    speed: float = USUAL_SPEED,
 ) -> Route:
-    """The least-cost way over a map from `start` to `goal`, cell by cell and heading by heading.
+    """Compute the least-cost route from `start` to one goal, or to several goals in order.
 
-    A state is a cell and one of the map's headings, passable where no limit is exceeded. The rover goes on to the cell
-    along its heading, and turns to the neighbouring heading: on the spot, if its four corner wheels steer, else on an arc
-    of two legs. Every state on the way is passable, cells that a leg only runs through too. A move costs its length
-    times (1 + `tilt_weight` · the mean over its states of (tilt / tilt limit)²), and `turn_cost` a radian turned.
-    Dijkstra's search (scipy's) finds the least sum; of ways that cost the same it is always the same one.
+    A state is a cell and one of the map's headings, passable where no limit is exceeded. The rover moves to the next cell along
+    its heading, and turns to the neighbouring heading: on the spot, if its four corner wheels steer, else on an arc of two legs.
+    Every state on the route is passable, cells that a leg only crosses too. A move costs its length times (1 + `tilt_weight` ·
+    mean of (tilt / tilt limit)² + mean of `cost`) over its states, and `turn_cost` per radian turned. Dijkstra's search (SciPy's)
+    finds the least sum over all goals together; of routes with equal costs it always returns the same one.
 
     Args:
-        maps: from `traversability`, or a file it was saved to. A GeoTIFF of summaries does too: then a cell passable at
-            every heading is passable, its worst tilt its tilt.
-        start, goal: (x, y) or (x, y, heading), m and rad: the nearest cell, the nearest heading, or any.
-        rover: says how it turns. Default: the preset of the map's rover name.
-        tilt_weight: of the risk; 0 for the shortest way.
-        turn_cost: m a radian.
-        turn_in_place: overrules what the rover can.
-        backward: may drive backwards too.
+        maps: from `traversability`, or a file it was saved to. A GeoTIFF of summaries serves too: then a cell passable at every
+            heading is passable, and its worst tilt counts.
+        start: (x, y) or (x, y, yaw), m and rad: the nearest cell, the nearest heading or any.
+        goal: likewise; or a sequence of such goals, reached in this order.
+        rover: gives the way it turns and its size. Default: the preset of the map's rover name.
+        keep_out: areas that are not entered: a vector file (all its features), or a raster file or array (y, x) that is neither 0
+            nor missing there.
+        keep_out_margin: distance that the rover's reference point keeps from them, m. Default: the rover's own radius, so that
+            no wheel enters at any heading; 0 if the rover is not known.
+        cost: extra cost per metre, from 0: a vector file with a column `cost`, a raster file or an array (y, x).
+        tilt_weight: weight of the tilt; 0 for the shortest route.
+        turn_cost: m per radian.
+        turn_in_place: overrides how the rover turns.
+        backward: allow driving backwards.
+        speed: of the wheels, for the times of the route, m/s.
+
+    Returns:
+        The route, with the goal that each pose leads to.
 
     Raises:
-        PathError: start or goal off the map or not passable, or no way between them; with the nearest place that is.
-        RockerbogieError: no map, or a weight below 0.
+        PathError: start or goal off the map or not passable, or no route between them; with the nearest passable position.
+        RockerbogieError: no map, a layer that cannot be read, or a weight below 0.
     """
+    if not (np.isfinite(speed) and speed > 0):
+        raise RockerbogieError(f"speed is {speed} m/s; give one above 0")
+    problem = _problem(maps, rover, keep_out, keep_out_margin, cost, tilt_weight, turn_cost, turn_in_place, backward)
+    goals = _goals(goal)
+    names = ["the goal"] if len(goals) == 1 else [f"goal {k}" for k in range(1, len(goals) + 1)]
+    places = zip([start, *goals], ["the start", *names], strict=True)
+    stops = [_states(problem.layers, place, name) for place, name in places]
+    found = through(problem.costs, [[int(problem.number[state]) for state in states] for states in stops])
+    if isinstance(found[0], int):
+        leg, reached = found
+        seen = np.zeros(problem.number.shape, dtype=bool)
+        seen[problem.number >= 0] = np.isfinite(reached)
+        raise PathError(_no_way(problem.layers, problem.number, seen, [start, *goals][leg], goals[leg]))
+    nodes, price, leads_to = found
+    at = np.flatnonzero(problem.number >= 0)[nodes]
+    states: list[State] = [
+        (int(k), int(row), int(col)) for k, row, col in zip(*np.unravel_index(at, problem.number.shape), strict=True)
+    ]
+    return _route_of(problem, states, price, leads_to.astype(np.int64), speed)
+
+
+def reachability(
+    maps: xr.Dataset | str | FilePath,
+    start: Sequence[float],
+    *,
+    rover: Rover | None = None,
+    keep_out: Any = None,
+    keep_out_margin: float | None = None,
+    cost: Any = None,
+    tilt_weight: float = 1.0,
+    turn_cost: float = 1.0,
+    turn_in_place: bool | None = None,
+    backward: bool = False,
+) -> xr.Dataset:
+    """Compute which cells of a map a rover can reach from a position, and at what cost.
+
+    Args:
+        maps, start, rover, keep_out, keep_out_margin, cost, tilt_weight, turn_cost, turn_in_place, backward: as `plan`.
+
+    Returns:
+        Dataset over (y, x) that `write_map` writes. `reachable` is the share of the map's headings at which the rover can come
+        to the cell: 0 where it cannot, NaN where the terrain is missing. `reach_cost` is the least cost of coming there, m of
+        level terrain, NaN where it cannot. `passable` is that of the map.
+
+    Raises:
+        PathError: the start off the map or not passable.
+        RockerbogieError: as `plan`.
+    """
+    import xarray as xr
+
+    source = _opened(maps)
+    problem = _problem(source, rover, keep_out, keep_out_margin, cost, tilt_weight, turn_cost, turn_in_place, backward)
+    begin = [int(problem.number[state]) for state in _states(problem.layers, start, "the start")]
+    least = np.full(problem.number.shape, np.inf)
+    least[problem.number >= 0] = reach_from(problem.costs, begin)
+    can = np.isfinite(least)
+    share = can.mean(axis=0).astype(np.float32)
+    lowest = least.min(axis=0)
+    base = source.drop_vars([name for name in source.data_vars if name != "passable"])
+    if "passable" in source:
+        share[np.isnan(source["passable"].transpose("y", "x").values)] = np.nan
+    values = {"reachable": share, "reach_cost": np.where(np.isfinite(lowest), lowest, np.nan)}
+    made = {
+        name: xr.Variable(("y", "x"), values[name], {"units": layer.units, "long_name": layer.long_name})
+        for name, layer in REACH.items()
+    }
+    about = f"({float(start[0]):.10g}, {float(start[1]):.10g})"
+    return base.assign(made).assign_attrs(reached_from=about)
+
+
+def _problem(
+    maps: xr.Dataset | str | FilePath, rover: Rover | None, keep_out: Any, margin: float | None, cost: Any,
+    tilt_weight: float, turn_cost: float, turn_in_place: bool | None, backward: bool,
+) -> _Problem:  # fmt: skip
+    """Build the graph of a map's states."""
     for name, value in (("tilt_weight", tilt_weight), ("turn_cost", turn_cost)):
         if not (np.isfinite(value) and value >= 0):
             raise RockerbogieError(f"{name} is {value}; give a finite number of at least 0")
-    layers, limit = _layers(maps)
-    in_place, radius = _turning(rover, layers.rover, turn_in_place)
-    sources, targets = _states(layers, start, "start"), _states(layers, goal, "goal")
+    source = _opened(maps)
+    layers, limit = _layers(source)
+    machine, in_place, radius = _turning(rover, layers.rover, turn_in_place)
+    if keep_out is not None:
+        kept = keep_out_cells(source, keep_out, _radius(machine) if margin is None else margin)
+        layers = layers._replace(passable=layers.passable & ~kept)
+    elif margin is not None:
+        raise RockerbogieError("keep_out_margin belongs to keep-out areas: give keep_out, too")
     risk = np.where(layers.passable, tilt_weight * (layers.tilt / limit) ** 2, 0.0).astype(np.float32)
+    if cost is not None:
+        risk = risk + cost_cells(source, cost).astype(np.float32)
     ways = moves(layers.heading, layers.cell, in_place, radius, backward)
     costs, number = graph(layers.passable, risk, ways, turn_cost)
-    found = _search(costs, number, sources, targets)
-    if isinstance(found, np.ndarray):
-        raise PathError(_no_way(layers, number, found, start, goal))
-    return _plan_of(layers, found[0], found[1])
+    return _Problem(layers, costs, number, machine)
 
 
-def _layers(source: xr.Dataset | str | FilePath) -> tuple[_Layers, float]:
-    """What a plan needs of a map in memory or on file, and the tilt that is a risk of 1, rad."""
+def _radius(rover: Rover | None) -> float:
+    """Return the radius of the circle that the wheels stay in, m; 0 if the rover is not known."""
+    if rover is None:
+        return 0.0
+    corner = np.abs(rover.hubs[:, :2]) + np.stack([rover.wheel_radius, rover.wheel_width / 2], axis=1)
+    return float(np.hypot(*corner.T).max())
+
+
+def _goals(goal: Any) -> list[Sequence[float]]:
+    """Return the goals as a list, of one or of several."""
+    try:
+        several = bool(len(goal)) and all(np.ndim(part) == 1 for part in goal)
+    except TypeError:
+        several = False
+    return list(goal) if several else [goal]
+
+
+def _opened(source: xr.Dataset | str | FilePath) -> xr.Dataset:
+    """Return a map in memory or from its file."""
     import xarray as xr
 
     maps = read_map(source) if isinstance(source, str | FilePath) else source
@@ -98,52 +224,64 @@ def _layers(source: xr.Dataset | str | FilePath) -> tuple[_Layers, float]:
         raise RockerbogieError(
             f"maps is {maps!r:.60}, not a Dataset: give that of rockerbogie.traversability, or a file it was saved to"
         )
+    return maps
+
+
+def _layers(maps: xr.Dataset) -> tuple[_Layers, float]:
+    """Return the parts of a map that a plan reads, and the tilt that is a risk of 1, rad."""
     limit = json.loads(maps.attrs.get("limits", "{}")).get("tilt") or USUAL_TILT
     try:
         heading, x, y = (np.asarray(maps[name].values, dtype=float) for name in ("heading", "x", "y"))
+        shape = (len(heading), len(y), len(x))
         if "exceeded" in maps and "tilt" in maps:
             passable = maps["exceeded"].transpose("heading", "y", "x").values == 0
             tilt = maps["tilt"].transpose("heading", "y", "x").values
         else:
-            shape = (len(heading), len(y), len(x))
             passable = np.broadcast_to(maps["passable"].transpose("y", "x").values == 1, shape)
             tilt = np.broadcast_to(maps["worst_tilt"].transpose("y", "x").values, shape)
     except KeyError as error:
         raise RockerbogieError(f"this map has no {error}: plan on one that rockerbogie.traversability made") from None
+    if "clearance" in maps:
+        clearance = maps["clearance"].transpose("heading", "y", "x").values
+    elif "worst_clearance" in maps:
+        clearance = np.broadcast_to(maps["worst_clearance"].transpose("y", "x").values, shape)
+    else:
+        clearance = np.broadcast_to(np.nan, shape)
     passable = passable & np.isfinite(tilt)
-    about = (cell_size(maps), maps.attrs.get("crs"), str(maps.attrs.get("rover", "rover")))
-    return _Layers(heading, x, y, passable, tilt, *about), float(limit)
+    about = (cell_size(maps), crs_of(maps), str(maps.attrs.get("rover", "rover")))
+    return _Layers(heading, x, y, passable, tilt, clearance, *about), float(limit)
 
 
-def _turning(rover: Rover | None, name: str, in_place: bool | None) -> tuple[bool, float]:
-    """Whether to turn on the spot, and the tightest arc if not, m."""
-    if rover is None and in_place is None:
+def _turning(rover: Rover | None, name: str, in_place: bool | None) -> tuple[Rover | None, bool, float]:
+    """Return the rover (if known), True if it turns on the spot, and its tightest arc, m."""
+    if rover is None:
         try:
             rover = load_rover(name)
         except RoverError:
-            raise RockerbogieError(
-                f"the map's rover {name!r} is no preset, so how it turns is not known: give rover= or turn_in_place="
-            ) from None
+            if in_place is None:
+                raise RockerbogieError(
+                    f"the map's rover {name!r} is no preset, so how it turns is not known: give rover= or turn_in_place="
+                ) from None
     if rover is not None:
         expect(rover, Rover, "rover", LOAD_ROVER)
     in_place = turns_in_place(rover) if in_place is None and rover is not None else bool(in_place)
-    return in_place, 0.0 if rover is None or in_place else turning_radius(rover)
+    return rover, in_place, 0.0 if rover is None or in_place else turning_radius(rover)
 
 
 def _states(layers: _Layers, place: Sequence[float], name: str) -> list[State]:
-    """The passable states at a place (x, y) or (x, y, heading)."""
+    """Return the passable states at a position (x, y) or (x, y, yaw)."""
     try:
         values = [float(v) for v in place]
     except (TypeError, ValueError):
         values = []
     if len(values) not in (2, 3) or not np.isfinite(values).all():
-        raise PathError(f"{name} is {place!r}: give (x, y) or (x, y, heading), finite, in metres and radians")
+        raise PathError(f"{name} is {place!r}: give (x, y) or (x, y, yaw), finite, in metres and radians")
     x, y = values[:2]
     col, row = int(np.abs(layers.x - x).argmin()), int(np.abs(layers.y - y).argmin())
     reach = (0.5 + 1e-9) * np.array(layers.cell)
     if abs(layers.x[col] - x) > reach[0] or abs(layers.y[row] - y) > reach[1]:
         spans = [f"({axes[0][k]:.10g}, {axes[1][k]:.10g})" for axes in ((layers.x, layers.y),) for k in (0, -1)]
-        raise PathError(f"the {name} ({x:.10g}, {y:.10g}) m is off the map, whose cells lie from {spans[0]} to {spans[1]} m")
+        raise PathError(f"{name} ({x:.10g}, {y:.10g}) m is off the map, whose cells lie from {spans[0]} to {spans[1]} m")
     off = np.abs(wrap_angle(layers.heading - values[2])) if len(values) == 3 else None
     headings = range(len(layers.heading)) if off is None else [int(off.argmin())]
     states = [(k, row, col) for k in headings if layers.passable[k, row, col]]
@@ -155,40 +293,17 @@ def _states(layers: _Layers, place: Sequence[float], name: str) -> list[State]:
         raise PathError(f"the rover may stand nowhere on this map {facing}: see its layer 'exceeded', or widen the limits")
     near = _nearest(layers, free, x, y)
     raise PathError(
-        f"the rover may not stand at the {name} ({x:.10g}, {y:.10g}) m {facing}; "
+        f"the rover may not stand at {name} ({x:.10g}, {y:.10g}) m {facing}; "
         f"the nearest place where it may is ({near[0]:.10g}, {near[1]:.10g}) m, {near[2]:.4g} m away"
     )
 
 
 def _nearest(layers: _Layers, free: NDArray[Any], x: float, y: float) -> tuple[float, float, float]:
-    """The centre of the free cell (rows, cols) that is nearest to a place, and how far it is, m."""
+    """Return the centre of the free cell nearest to a position, and its distance, m."""
     row, col = np.nonzero(free)
     away = np.hypot(layers.x[col] - x, layers.y[row] - y)
     k = int(away.argmin())
     return float(layers.x[col[k]]), float(layers.y[row[k]]), float(away[k])
-
-
-def _search(
-    costs: Any, number: NDArray[np.int32], sources: list[State], targets: list[State]
-) -> tuple[list[State], Array] | NDArray[np.bool_]:
-    """States of the least-cost way and the cost at each; or, if there is no way, where (heading, y, x) one can get to."""
-    from scipy.sparse.csgraph import dijkstra
-
-    begin = [int(number[s]) for s in sources]
-    reached, before, _ = dijkstra(costs, indices=begin, min_only=True, return_predecessors=True)
-    ends = [int(number[t]) for t in targets]
-    end = min(ends, key=lambda k: (reached[k], k))
-    if not np.isfinite(reached[end]):
-        seen = np.zeros(number.shape, dtype=bool)
-        seen[number >= 0] = np.isfinite(reached)
-        return seen
-    way = [end]
-    while before[way[-1]] >= 0:
-        way.append(int(before[way[-1]]))
-    way.reverse()
-    flat = np.flatnonzero(number >= 0)[way]
-    states = [tuple(int(v) for v in s) for s in zip(*np.unravel_index(flat, number.shape), strict=True)]
-    return states, np.asarray(reached[way], dtype=float)  # type: ignore[return-value]
 
 
 def _no_way(
@@ -203,27 +318,34 @@ def _no_way(
     )
 
 
-def _plan_of(layers: _Layers, states: list[State], cost: Array) -> Route:
-    """The poses of a way through states; an arc has one more, at its corner, facing halfway."""
+def _route_of(problem: _Problem, states: list[State], cost: Array, goal: NDArray[np.int64], speed: float) -> Route:
+    """Return the poses of a route; an arc has one more, at its corner, facing halfway."""
+    layers = problem.layers
     k, row, col = (np.array(v) for v in zip(*states, strict=True))
-    x, y, heading = layers.x[col], layers.y[row], np.unwrap(layers.heading[k])
-    tilt = np.asarray(layers.tilt[k, row, col], dtype=float)
-    poses = [(x[0], y[0], heading[0], cost[0], tilt[0])]
+    x, y, yaw = layers.x[col], layers.y[row], np.unwrap(layers.heading[k])
+    tilt, clearance = (np.asarray(values[k, row, col], dtype=float) for values in (layers.tilt, layers.clearance))
+    poses = [(x[0], y[0], yaw[0], cost[0], tilt[0], clearance[0], goal[0])]
     for n in range(1, len(states)):
         moved = np.array([x[n] - x[n - 1], y[n] - y[n - 1]])
         if moved.any() and k[n] != k[n - 1]:
-            corner = _corner(layers, states[n - 1], states[n])
-            here = np.nanmax(layers.tilt[[k[n - 1], k[n]], corner[0], corner[1]])
-            middle = ((heading[n] + heading[n - 1]) / 2, (cost[n] + cost[n - 1]) / 2)
-            poses.append((layers.x[corner[1]], layers.y[corner[0]], *middle, here))
-        poses.append((x[n], y[n], heading[n], cost[n], tilt[n]))
-    px, py, facing, price, lean = np.array(poses).T
-    distance = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(px), np.diff(py)))])
-    return Route(px, py, facing, distance, price, lean, layers.crs, layers.rover)
+            up, across = _corner(layers, states[n - 1], states[n])
+            turning = [k[n - 1], k[n]]
+            most, least = np.nanmax(layers.tilt[turning, up, across]), np.fmin.reduce(layers.clearance[turning, up, across])
+            middle = ((yaw[n] + yaw[n - 1]) / 2, (cost[n] + cost[n - 1]) / 2)
+            poses.append((layers.x[across], layers.y[up], *middle, most, least, goal[n]))
+        poses.append((x[n], y[n], yaw[n], cost[n], tilt[n], clearance[n], goal[n]))
+    px, py, facing, price, lean, room, leads_to = np.array(poses, dtype=float).T
+    steps = np.hypot(np.diff(px), np.diff(py))
+    distance = np.concatenate([[0.0], np.cumsum(steps)])
+    # a turn on the spot takes as long as the outermost wheel needs at this speed
+    spent = np.where(steps > 0, steps, np.abs(np.diff(facing)) * (_radius(problem.rover) or 1.0)) / speed
+    time = np.concatenate([[0.0], np.cumsum(spent)])
+    about = (layers.crs, layers.rover)
+    return Route(px, py, facing, distance, price, lean, *about, room, time, leads_to.astype(np.int64))
 
 
 def _corner(layers: _Layers, left: State, reached: State) -> tuple[int, int]:
-    """Row and column where the two legs of an arc meet: along the first heading as far as the legs' steps say."""
+    """Return the row and column where the two legs of an arc meet."""
     steps = grid_steps(layers.heading, layers.cell)
     a, b = np.array(steps[left[0]]), np.array(steps[reached[0]])
     total = np.array([reached[2] - left[2], reached[1] - left[1]])

@@ -1,4 +1,4 @@
-"""A map at a glance: thinned to what a picture can show, with the lie of the land under it; and what it comes to."""
+"""Small maps for pictures, and counts of a map's cells."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MOST = 1200  # cells along the longer side
 
 
 class Tally(NamedTuple):
-    """How much of a map is what."""
+    """Counts of a map's cells."""
 
     cells: int
     known: int  # cells where the ground is known at some heading

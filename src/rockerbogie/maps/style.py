@@ -1,4 +1,4 @@
-"""How a map is coloured: by the share of headings a rover may stand at, in words; and that as a style for QGIS."""
+"""Colours of a map by the share of headings passable, and a style for QGIS."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ CLASSES = (
 
 
 def write_style(maps: xr.Dataset, file: str | Path, *, per_heading: bool = False) -> Path:
-    """Write the QGIS style (.qml) that lies beside a map's GeoTIFF of the same name, which QGIS then opens with it."""
+    """Write the QGIS style (.qml) beside a map's GeoTIFF of the same name."""
     band = 1 + [layer.variable for layer in bands(maps, per_heading)].index(FIRST)
     items = "\n".join(
         f'          <item alpha="255" value={quoteattr(_bound(c.most))} color={quoteattr(c.colour)} label={quoteattr(c.label)}/>'

@@ -1,8 +1,9 @@
-"""One tile of a map: settle the rover at every cell and heading, and sum up over headings."""
+"""One tile of a map: poses at every cell and heading, and summaries over headings."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,21 +15,26 @@ from ..settling.settle import Mode, settle
 from ..settling.status import Status
 from ..terrain.heightfield import Terrain
 from .cells import Cells, Tile
-from .ground import Ground, Span, nodes_under, reach
 from .layers import LAYERS
-from .limits import Limits, exceeded
+from .limits import Limits, exceeded, margin
 
 Array = NDArray[np.float64]
-#: Takes a layer's values: its name, their place in it, and they.
+#: Receives a layer's values: its name, their region on the map, the values.
 Take = Callable[[str, tuple[slice, ...], NDArray[Any]], None]
+#: Called after every batch of poses with the cells done (a fraction counts headings); raises to stop the work.
+Tick = Callable[[float], None]
 
-#: Headings of a tile settled at once: bounds the memory whatever their number.
+#: Headings of a tile settled in one pass: bounds the memory whatever their number.
 HEADINGS = 4
+#: Poses of a batch at first, at least and at most, and the time that a batch should take, s: work stops between batches.
+FIRST_BATCH, MOST_BATCH, BATCH_TIME = 256, 1 << 16, 0.15
+#: Heights per diameter of the disc over which roughness is computed.
+ACROSS = 7
 
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """What is asked of every cell."""
+    """The work for every cell of a map: rover, headings, limits, layers."""
 
     rover: Rover
     cells: Cells
@@ -38,72 +44,147 @@ class Job:
     layers: tuple[str, ...]
 
     def shape(self, layer: str, tile: Tile) -> tuple[int, ...]:
-        """A layer's shape over a tile."""
+        """Return a layer's shape over a tile."""
         return (len(self.headings), *tile.shape) if LAYERS[layer].per_heading else tile.shape
 
-    def window(self, ground: Ground, tiles: list[Tile]) -> tuple[Span, Span]:
-        """The nodes, rows and columns, that poses on these tiles may read."""
-        margin, whole = reach(self.rover), ground.whole
-        x = self.cells.x((min(t.cols[0] for t in tiles), max(t.cols[1] for t in tiles)))
-        y = self.cells.y((min(t.rows[0] for t in tiles), max(t.rows[1] for t in tiles)))
-        return (
-            nodes_under(y[0], y[-1], whole.origin[1], whole.spacing[1], whole.shape[0], margin),
-            nodes_under(x[0], x[-1], whole.origin[0], whole.spacing[0], whole.shape[1], margin),
-        )
+    def settle(self, terrain: Terrain, tile: Tile, take: Take, tick: Tick = lambda cells: None) -> None:
+        """Settle the rover at every cell and heading of a tile, and pass its layers on.
 
-    def settle(self, terrain: Terrain, tile: Tile, take: Take) -> None:
-        """Work out one tile and hand over its layers."""
+        Poses are settled in batches; the result does not depend on their size.
+
+        Args:
+            terrain: a window that holds the tile and all that the rover reaches from it.
+            tile: the cells.
+            take: receives the layers.
+            tick: called after every batch.
+        """
         x, y = self.cells.x(tile.cols), self.cells.y(tile.rows)
-        look_below = self.limits.clearance is not None or not {"clearance", "worst_clearance"}.isdisjoint(self.layers)
-        summary = _Summary((len(y), len(x)), len(self.headings))
+        summary = _Summary(tile.shape, len(self.headings))
+        pace = _Pace()
         for start in range(0, len(self.headings), HEADINGS):
             part = slice(start, min(start + HEADINGS, len(self.headings)))
             yaw = self.headings[part]
-            pose = settle(self.rover, terrain, x, y[:, None], yaw[:, None, None], mode=self.mode)
-            tilt = _plain(pose.tilt)
-            clearance = _plain(pose.clearance) if look_below else None
-            over = exceeded(pose, self.limits, tilt, clearance)
-            summary.add(yaw, pose.status, tilt, clearance, over)
-            layers: dict[str, NDArray[Any] | None] = {
-                "status": pose.status, "tilt": tilt, "roll": pose.roll, "pitch": pose.pitch, "rocker": pose.rocker,
-                "bogie_left": pose.bogie[..., 0], "bogie_right": pose.bogie[..., 1], "clearance": clearance, "exceeded": over,
-            }  # fmt: skip
-            for name, values in layers.items():
-                if name in self.layers and values is not None:
-                    take(name, (part, *tile.region), values)
-        for name, values in summary.layers().items():
+            wanted = [name for name in self.layers if LAYERS[name].per_heading]
+            layers = {name: np.empty((len(yaw), *tile.shape), LAYERS[name].kind) for name in wanted}
+            for rows, cols in pace.blocks(tile.shape, len(yaw)):
+                done = self._batch(terrain, x[cols], y[rows], yaw, summary, (rows, cols))
+                for name in wanted:
+                    layers[name][:, rows, cols] = done[name]
+                tick(done["status"].size / len(self.headings))
+            for name in wanted:
+                take(name, (part, *tile.region), layers[name])
+        found = summary.layers() | (self._relief(terrain, x, y) if not _RELIEF.isdisjoint(self.layers) else {})
+        for name, values in found.items():
             if name in self.layers:
                 take(name, tile.region, values)
 
+    def _batch(
+        self, terrain: Terrain, x: Array, y: Array, yaw: Array, summary: _Summary, at: tuple[slice, slice]
+    ) -> dict[str, NDArray[Any]]:
+        """Return the layers (headings, rows, cols) of one batch, and add them to the summary."""
+        pose = settle(self.rover, terrain, x, y[:, None], yaw[:, None, None], mode=self.mode)
+        tilt = _plain(pose.tilt)
+        look_below = self.limits.clearance is not None or not {"clearance", "worst_clearance"}.isdisjoint(self.layers)
+        clearance = _plain(pose.clearance) if look_below else None
+        over = exceeded(pose, self.limits, tilt, clearance)
+        room = margin(pose, self.limits, tilt) if not {"margin", "worst_margin"}.isdisjoint(self.layers) else None
+        summary.add(at, yaw, pose.status, tilt, clearance, over, room)
+        layers: dict[str, NDArray[Any] | None] = {
+            "status": pose.status, "tilt": tilt, "roll": pose.roll, "pitch": pose.pitch, "rocker": pose.rocker,
+            "bogie_left": pose.bogie[..., 0], "bogie_right": pose.bogie[..., 1], "clearance": clearance, "exceeded": over,
+            "margin": room,
+        }  # fmt: skip
+        return {name: values for name, values in layers.items() if values is not None}
+
+    def _relief(self, terrain: Terrain, x: Array, y: Array) -> dict[str, Array]:
+        """Return slope and aspect at the cells (rad), and roughness over a wheelbase (m)."""
+        px, py = np.meshgrid(x, y)
+        nx, ny, nz = np.moveaxis(terrain.normal(px, py), -1, 0)
+        steep = np.arctan2(np.hypot(nx, ny), nz)
+        aspect = np.where(steep > 1e-9, np.arctan2(ny, nx) % (2 * np.pi), np.nan)  # the direction in which it falls
+        rough = np.full(px.shape, np.nan)
+        if "roughness" in self.layers:
+            u, v = disc(0.5 * self.rover.wheelbase)
+            design = np.linalg.pinv(np.stack([u, v, np.ones_like(u)], axis=1))
+            for row in range(len(y)):
+                z = terrain.height(x[:, None] + u, y[row] + v)
+                z = z - z.mean(axis=1, keepdims=True)  # sums of large heights would round
+                plane = (z[:, None, :] * design).sum(axis=-1)  # no BLAS: its rounding depends on the shape
+                rest = z - (plane[:, :1] * u + plane[:, 1:2] * v + plane[:, 2:])
+                rough[row] = np.sqrt((rest**2).mean(axis=1))
+        return {"slope": _plain(steep), "aspect": _plain(aspect), "roughness": _plain(rough)}
+
+
+#: Layers of the terrain alone.
+_RELIEF = frozenset({"slope", "aspect", "roughness"})
+
+
+def disc(radius: float) -> tuple[Array, Array]:
+    """Return the offsets x, y (n,) of the heights for roughness, m: a grid cut to a disc."""
+    at = np.linspace(-radius, radius, ACROSS)
+    u, v = np.meshgrid(at, at)
+    inside = np.hypot(u, v) <= radius * (1 + 1e-9)
+    return u[inside], v[inside]
+
+
+class _Pace:
+    """Sizes of batches so that each takes about `BATCH_TIME`: a stop waits no longer than that."""
+
+    def __init__(self) -> None:
+        self.poses = FIRST_BATCH
+
+    def blocks(self, shape: tuple[int, int], headings: int) -> Iterator[tuple[slice, slice]]:
+        """Yield blocks of cells that cover the shape, each sized by the time of the last."""
+        row = col = 0
+        while row < shape[0]:
+            began, cells = time.perf_counter(), max(self.poses // headings, 1)
+            if col == 0 and cells >= shape[1]:
+                rows, cols = slice(row, min(row + cells // shape[1], shape[0])), slice(0, shape[1])
+            else:
+                rows, cols = slice(row, row + 1), slice(col, min(col + cells, shape[1]))
+            yield rows, cols
+            row, col = (rows.stop, 0) if cols.stop == shape[1] else (row, cols.stop)
+            share = BATCH_TIME / max(time.perf_counter() - began, 1e-6)
+            self.poses = int(np.clip(self.poses * min(share, 4.0), headings, MOST_BATCH))
+
 
 class _Summary:
-    """What the headings of a tile have in common, heading by heading: so that it does not depend on how they come."""
+    """Layers of a tile over all headings, added one by one: batches do not change the result."""
 
     def __init__(self, shape: tuple[int, int], headings: int) -> None:
         self.headings = headings
         self.passed = np.zeros(shape, dtype=np.int64)
         self.known = np.zeros(shape, dtype=bool)
-        self.worst_tilt, self.best_tilt, self.worst_clearance, self.best_heading = (np.full(shape, np.nan) for _ in range(4))
+        names = ("worst_tilt", "best_tilt", "worst_clearance", "best_heading", "worst_margin")
+        self.worst_tilt, self.best_tilt, self.worst_clearance, self.best_heading, self.worst_margin = (
+            np.full(shape, np.nan) for _ in names
+        )
         self.least = np.full(shape, np.inf)  # tilt of a passable heading
         self.worst = np.zeros(shape, dtype=np.uint8)
 
-    def add(self, yaw: Array, status: NDArray[np.uint8], tilt: Array, clearance: Array | None, over: NDArray[np.uint8]) -> None:
-        """More headings: (n,), and layers (n, rows, cols)."""
+    def add(
+        self, at: tuple[slice, slice], yaw: Array, status: NDArray[np.uint8], tilt: Array, clearance: Array | None,
+        over: NDArray[np.uint8], room: Array | None,
+    ) -> None:  # fmt: skip
+        """Add headings (n,) of a block of cells; the layers are (n, rows, cols)."""
+        best, least, worst = self.best_heading[at], self.least[at], self.worst[at]
         for k in range(len(yaw)):
             passes = over[k] == 0
-            self.passed += passes
-            self.known |= (status[k] != Status.NO_DATA) & (status[k] != Status.OFF_MAP)
-            np.fmax(self.worst_tilt, tilt[k], out=self.worst_tilt)
-            np.fmin(self.best_tilt, tilt[k], out=self.best_tilt)
+            self.passed[at] += passes
+            self.known[at] |= (status[k] != Status.NO_DATA) & (status[k] != Status.OFF_MAP)
+            np.fmax(self.worst_tilt[at], tilt[k], out=self.worst_tilt[at])
+            np.fmin(self.best_tilt[at], tilt[k], out=self.best_tilt[at])
             if clearance is not None:
-                np.fmin(self.worst_clearance, clearance[k], out=self.worst_clearance)
-            better = passes & (tilt[k] < self.least)
-            np.copyto(self.least, tilt[k], where=better)
-            np.copyto(self.best_heading, yaw[k], where=better)
-            np.bitwise_or(self.worst, over[k], out=self.worst)
+                np.fmin(self.worst_clearance[at], clearance[k], out=self.worst_clearance[at])
+            if room is not None:
+                np.fmin(self.worst_margin[at], room[k], out=self.worst_margin[at])
+            better = passes & (tilt[k] < least)
+            np.copyto(least, tilt[k], where=better)
+            np.copyto(best, yaw[k], where=better)
+            np.bitwise_or(worst, over[k], out=worst)
 
     def layers(self) -> dict[str, NDArray[Any]]:
-        """The summaries, by name."""
+        """Return the summaries by name."""
         share = (self.passed / self.headings).astype(np.float32)
         share[~self.known] = np.nan
         return {
@@ -113,10 +194,11 @@ class _Summary:
             "best_heading": self.best_heading,
             "worst_clearance": _plain(self.worst_clearance),
             "worst_exceeded": self.worst,
+            "worst_margin": _plain(self.worst_margin),
         }
 
 
 def _plain(values: Array) -> Array:
-    """The same with every nan the same nan: NumPy gives them signs that depend on where in an array they stand."""
+    """Return the same values with one kind of NaN: its sign depends on its place in an array."""
     np.copyto(values, np.nan, where=np.isnan(values))
     return values

@@ -1,4 +1,4 @@
-"""Where can this rover go? Its pose at every cell and heading of a terrain, and what they come to."""
+"""Traversability maps: poses at every cell and heading of a terrain, and their summaries."""
 
 from __future__ import annotations
 
@@ -20,12 +20,13 @@ from ..terrain.heightfield import Terrain
 from ..terrain.raster import locate
 from ..terrain.window import Interpolation
 from .cells import TILE, Tile, cells_over
-from .ground import Ground, hold_ground, open_ground
+from .ground import Ground, hold_ground, open_ground, reach
 from .layers import LAYERS, chosen_layers, dataset
 from .limits import Limits
 from .run import Memory, Progress, in_threads, on_cluster
 from .store import made_from, open_store, read
 from .tile import Job
+from .windows import TerrainWindows
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -53,7 +54,7 @@ def traversability(
     chunk: int = 2 * TILE,
     progress: Progress | None = None,
 ) -> xr.Dataset:
-    """Settle the rover at every cell and heading of a terrain: exactly what `settle` gives there, one by one.
+    """Settle the rover at every cell and heading of a terrain, bit-identical to `settle`.
 
     Args:
         terrain: ground in memory; or a raster's path, which is read in windows and never whole.
@@ -89,6 +90,7 @@ def traversability(
     ground = _ground(terrain, band, interpolation, cell)
     cells = cells_over(ground.whole, resolution, bounds)
     job = Job(rover, cells, angles, allowed, mode, names)
+    windows = TerrainWindows(ground, cells, reach(rover))
     size = sum(math.prod(job.shape(name, cells.all)) * np.dtype(LAYERS[name].kind).itemsize for name in names)
     if store is None and size > IN_MEMORY:
         raise RockerbogieError(
@@ -99,33 +101,35 @@ def traversability(
     tell = _Count(math.prod(cells.size), progress)
     if store is None and not dispersed:
         tell(0)
+        _compile(job, windows, next(cells.tiles()))
         memory = Memory.blank(job, cells.all)
-        in_threads(job, ground, list(cells.chunks(chunk)), memory, tell)
+        in_threads(job, windows, list(cells.chunks(chunk)), memory, tell)
         data = memory.arrays
     elif store is None:
         with tempfile.TemporaryDirectory(prefix="rockerbogie-") as folder:
-            data = _in_store(job, ground, Path(folder) / "map", chunk, tell, workers, scheduler, dispersed=True, lazily=False)
+            data = _in_store(job, windows, Path(folder) / "map", chunk, tell, workers, scheduler, dispersed=True, lazily=False)
     else:
         place = Path(store).absolute()
-        data = _in_store(job, ground, place, chunk, tell, workers, scheduler, dispersed=dispersed, lazily=size > IN_MEMORY)
+        data = _in_store(job, windows, place, chunk, tell, workers, scheduler, dispersed=dispersed, lazily=size > IN_MEMORY)
     return dataset(data, angles, cells.x((0, cells.size[0])), cells.y((0, cells.size[1])), _about(job, ground))
 
 
 def _in_store(
-    job: Job, ground: Ground, place: Path, chunk: int, tell: Callable[[int], None], workers: int | None, scheduler: str | None,
-    *, dispersed: bool, lazily: bool,
+    job: Job, windows: TerrainWindows, place: Path, chunk: int, tell: Callable[[int], None], workers: int | None,
+    scheduler: str | None, *, dispersed: bool, lazily: bool,
 ) -> dict[str, Any]:  # fmt: skip
     """Make what is missing in a store, and give its layers."""
-    store = open_store(place, job, made_from(job, ground))
+    store = open_store(place, job, made_from(job, windows.ground))
     chunks = [[tile for tile in tiles if not store.is_done(tile)] for tiles in job.cells.chunks(chunk)]
     chunks = [tiles for tiles in chunks if tiles]
     tell(math.prod(job.cells.size) - sum(tile.size for tiles in chunks for tile in tiles))
     try:
+        if chunks:
+            _compile(job, windows, chunks[0][0])
         if chunks and dispersed:
-            _compile(job, ground, chunks[0][0])
-            on_cluster(job, ground, chunks, place, workers, scheduler, tell)
+            on_cluster(job, windows, chunks, place, workers, scheduler, tell)
         elif chunks:
-            in_threads(job, ground, chunks, store, tell)
+            in_threads(job, windows, chunks, store, tell)
         if missing := [tile for tile in job.cells.tiles() if not store.is_done(tile)]:
             raise RuntimeError(f"{len(missing)} tiles were not made, {missing[0]} first")
         if chunks:
@@ -138,11 +142,10 @@ def _in_store(
         ) from None
 
 
-def _compile(job: Job, ground: Ground, tile: Tile) -> None:
-    """Settle once, so that the kernels are compiled on disk before several processes would each compile them."""
+def _compile(job: Job, windows: TerrainWindows, tile: Tile) -> None:
+    """Settle once in this thread: kernels compile once, and an interrupt can stop that."""
     corner = Tile((tile.rows[0], tile.rows[0] + 1), (tile.cols[0], tile.cols[0] + 1))
-    terrain = ground.window(*job.window(ground, [corner]))
-    replace(job, headings=job.headings[:1]).settle(terrain, corner, lambda name, region, values: None)
+    replace(job, headings=job.headings[:1]).settle(windows.terrain([corner]), corner, lambda name, region, values: None)
 
 
 class _Count:
@@ -190,7 +193,7 @@ def _limits(limits: Limits | str | None) -> Limits:
 
 
 def _about(job: Job, ground: Ground) -> dict[str, Any]:
-    """What a map says of itself."""
+    """Return the attributes of a map."""
     dx, dy = job.cells.step
     about = {
         "title": f"Where {job.rover.name} can go",

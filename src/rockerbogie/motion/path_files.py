@@ -10,16 +10,20 @@ from itertools import pairwise
 from pathlib import Path as FilePath
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..errors import PathError, RockerbogieError
 from ..outputs import SOURCE, check_outputs
 from ..tables import read_columns
+from ..vectors import is_vector
 from .path import Path
 
 #: Share of a leg over which a turn on the spot is spread in a `Path`, which turns only while it moves.
 TURN_ROOM = 0.1
-COLUMNS = {"x": "m", "y": "m", "yaw": "rad", "distance": "m", "cost": "m", "tilt": "rad"}
+COLUMNS = {
+    "x": "m", "y": "m", "yaw": "rad", "distance": "m", "cost": "m", "tilt": "rad", "clearance": "m", "time": "s", "goal": "1",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -37,6 +41,9 @@ class Route:
     tilt: Array  # (n,) from the map, rad
     crs: str | None
     rover: str
+    clearance: Array  # (n,) of the body from the map, m; NaN if the map has none
+    time: Array  # (n,) since the start, s, at the speed and turn rate of the plan
+    goal: NDArray[np.int64]  # (n,) number of the goal that the pose leads to, from 1
 
     def __str__(self) -> str:
         turned = np.degrees(np.abs(np.diff(self.yaw)).sum())
@@ -77,7 +84,7 @@ class Route:
             RockerbogieError: the file cannot be written.
         """
         check_outputs([file], force=force)
-        columns = (self.x, self.y, self.yaw, self.distance, self.cost, self.tilt)
+        columns = [np.asarray(getattr(self, name), dtype=float) for name in COLUMNS]
         try:
             with open(file, "w", newline="", encoding="utf-8") as stream:
                 writer = csv.writer(stream)
@@ -89,8 +96,8 @@ class Route:
     def to_geojson(self, file: str | FilePath, *, force: bool = False) -> None:
         """Write a GeoJSON line with its length, cost and largest tilt.
 
-        Coordinates and CRS are those of the map. The GeoJSON standard allows longitude and latitude of the Earth only. QGIS
-        and GDAL also read the CRS member.
+        Coordinates and CRS are those of the map. The GeoJSON standard allows longitude and latitude of the Earth only, which a
+        warning says. QGIS and GDAL read the CRS where it has a name of an authority; `to_geopackage` keeps every CRS.
 
         Args:
             file: the .geojson file to write.
@@ -100,6 +107,14 @@ class Route:
             RockerbogieError: the file cannot be written.
         """
         check_outputs([file], force=force)
+        if self.crs != "EPSG:4326":
+            warnings.warn(
+                "GeoJSON is longitude and latitude on WGS84 by its standard, and this route is in "
+                f"{self.crs or 'local metres'}: "
+                + ("only GDAL and QGIS read that CRS; " if _urn(self.crs) else "no reader will know that; ")
+                + "a GeoPackage (.gpkg) keeps it",
+                stacklevel=2,
+            )
         places = [[float(x), float(y)] for x, y in zip(self.x, self.y, strict=True)]
         line = [places[0]] + [b for a, b in pairwise(places) if a != b]
         properties = {
@@ -107,6 +122,7 @@ class Route:
             "rover": self.rover,
             "length_m": round(float(self.distance[-1]), 3),
             "cost_m": round(float(self.cost[-1]), 3),
+            "time_s": round(float(self.time[-1]), 1),
             "worst_tilt_deg": round(float(np.degrees(np.nanmax(self.tilt))), 3),
         }
         layer: dict[str, object] = {"type": "FeatureCollection", "name": "route"}
@@ -119,19 +135,37 @@ class Route:
         except OSError as error:
             raise RockerbogieError(f"cannot write {str(file)!r}: {error.strerror}") from None
 
+    def to_geopackage(self, file: str | FilePath, *, force: bool = False) -> None:
+        """Write a GeoPackage in the CRS of the map, which `rockerbogie drive --path` reads too.
+
+        Layers: `route`, a line to each goal; `legs`, a line for each straight stretch; both with length, time, turn, yaw,
+        greatest tilt, least clearance and cost. `poses`, points with all numbers of the CSV file.
+
+        Args:
+            file: ends in .gpkg.
+            force: replace a file that this package did not write.
+
+        Raises:
+            RockerbogieError: pyogrio not installed, an unknown CRS, a file that cannot be written.
+        """
+        from .route_package import write_route_package
+
+        write_route_package(self, file, force=force)
+
 
 #: Old name of `Route`.
 Plan = Route
 
 
 def read_route(file: str | FilePath, radius: float = 1.0) -> Path:
-    """Read a `Path` from a CSV file of waypoints or poses.
+    """Read a `Path` from a file of waypoints or poses: CSV, or a vector file such as GeoPackage.
 
     Columns are `x [m]` and `y [m]`, and `yaw [rad]` (or `[deg]`) for poses. Without yaw the rows are waypoints. With yaw,
-    rows at one position are a turn on the spot.
+    rows at one position are a turn on the spot. Of a vector file the layer `poses` is read, if it has one with a column `yaw`;
+    otherwise the vertices of its lines, or its points, are waypoints. Their coordinates are those of the terrain.
 
     Args:
-        file: CSV file.
+        file: .csv, or a vector file that GDAL reads.
         radius: of the arcs at waypoints, m.
 
     Returns:
@@ -144,6 +178,11 @@ def read_route(file: str | FilePath, radius: float = 1.0) -> Path:
     name = FilePath(file).name
     if not FilePath(file).exists():
         raise RockerbogieError(f"no path at {str(file)!r}")
+    if is_vector(file):
+        from .route_package import read_line
+
+        line, yaw = read_line(file)
+        return Path.waypoints(line, radius) if yaw is None else path_of(line[:, 0], line[:, 1], yaw)
     columns = read_columns(FilePath(file))
     missing = [axis for axis in ("x", "y") if axis not in columns]
     if missing:
