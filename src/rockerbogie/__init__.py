@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from .errors import RoverError as RoverError
     from .errors import TerrainError as TerrainError
     from .errors import TerrainWarning as TerrainWarning
+    from .figures import plot as plot
     from .logs.attitude_log import LogMap as LogMap
     from .logs.attitude_log import read_places as read_places
     from .logs.channels import LogWarning as LogWarning
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from .maps.files import write_map as write_map
     from .maps.limits import Limits as Limits
     from .maps.plan import plan as plan
+    from .maps.plan import reachability as reachability
     from .maps.traversability import traversability as traversability
     from .motion.body_twist import Motion as Motion
     from .motion.body_twist import Noise as Noise
@@ -114,6 +116,7 @@ _EXPORTS = {
     "DHRow": "rover.frames",
     "Terrain": "terrain.heightfield",
     "surfaces": "terrain",
+    "plot": "figures",
     "Path": "motion.path",
     "PathSample": "motion.path",
     "settle": "settling.settle",
@@ -163,6 +166,7 @@ _EXPORTS = {
     "write_map": "maps.files",
     "read_map": "maps.files",
     "plan": "maps.plan",
+    "reachability": "maps.plan",
     "Route": "motion.path_files",
     "Plan": "motion.path_files",
     "read_route": "motion.path_files",

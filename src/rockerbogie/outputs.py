@@ -77,20 +77,38 @@ def _files_of(name: str) -> list[Path]:
 
 
 def sidecars(path: Path) -> list[Path]:
-    """Return the existing files that GDAL reads along with a raster: statistics, overviews, a mask."""
+    """Return the existing sidecars of a raster: statistics, overviews, a mask.
+
+    Args:
+        path: the raster.
+
+    Returns:
+        Paths of the files beside it.
+    """
     if path.suffix.lower() not in _RASTERS:
         return []
     return [side for side in (path.with_name(path.name + ending) for ending in _SIDECARS) if side.is_file()]
 
 
 def remove_sidecars(path: Path) -> None:
-    """Remove the sidecars of a raster that is being replaced: their statistics and overviews are those of the old one."""
+    """Remove the sidecars of a raster that was replaced: they describe the old one.
+
+    Args:
+        path: the raster.
+    """
     for side in sidecars(path):
         side.unlink(missing_ok=True)
 
 
 def is_ours(path: Path) -> bool:
-    """Return True if this package wrote a file (or Zarr group) and people do not usually edit its kind."""
+    """Return True if this package wrote a file (or Zarr group) that people do not edit.
+
+    Args:
+        path: a file or folder.
+
+    Returns:
+        True if it carries the mark of this package.
+    """
     suffix = path.suffix.lower()
     if path.is_dir():
         return _is_our_zarr(path)
@@ -119,7 +137,7 @@ def _is_our_zarr(path: Path) -> bool:
 
 
 def _is_statistics(path: Path) -> bool:
-    """Return True for an .aux.xml that holds statistics and histograms only: GDAL computes them anew."""
+    """Return True for an .aux.xml with statistics only: GDAL computes them again."""
     if not path.name.endswith(".aux.xml"):
         return False
     try:
@@ -158,7 +176,7 @@ def _check_not_input(path: Path, read: list[Path]) -> None:
 
 
 def _check_writable(path: Path) -> None:
-    """Raise if a file cannot be made: a parent is no folder, or the nearest existing one does not take files."""
+    """Raise if a file cannot be made in its folder, or in the nearest folder that exists."""
     if path.is_file() and not os.access(path, os.W_OK):
         raise RockerbogieError(f"cannot write {str(path)!r}: it is read-only")
     folder = Path(os.path.realpath(path)).parent

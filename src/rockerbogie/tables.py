@@ -193,6 +193,12 @@ def read_columns(path: Path) -> Table:
     Returns:
         A `Table`: a mapping from column names to values in SI. A column that nobody uses is never converted.
 
+    Args:
+        path: the CSV file.
+
+    Returns:
+        Name → values (n,), SI and rad; NaN where a cell is empty.
+
     Raises:
         RockerbogieError: the file cannot be read, or has no rows of numbers.
     """

@@ -78,7 +78,7 @@ def test_memory_is_what_a_pose_is_made_of() -> None:
 
 @pytest.fixture(scope="module")
 def figures() -> dict:
-    """Of one small case; what is not timed here stands in as it is written."""
+    """Figures of one small case; fixed numbers stand for parts that are not timed here."""
     from dataclasses import asdict
 
     return {

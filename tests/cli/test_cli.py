@@ -1,4 +1,4 @@
-"""The command line: what it answers, what it writes, and one sentence with exit 2 for every bad input."""
+"""The command line: answers, files, and one sentence with exit 2 for every bad input."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 
 
 def complaint(capsys: pytest.CaptureFixture[str], *argv: str | Path) -> str:
-    """What the command line says on stderr of a bad call: one sentence, exit 2, nothing on stdout."""
+    """Return the sentence on stderr of a bad call: exit code 2, nothing on stdout."""
     assert main([str(a) for a in argv]) == 2
     said = capsys.readouterr()
     assert said.out == ""
@@ -34,7 +34,7 @@ def complaint(capsys: pytest.CaptureFixture[str], *argv: str | Path) -> str:
 
 
 def answer(capsys: pytest.CaptureFixture[str], *argv: str | Path) -> str:
-    """What the command line prints of a good call."""
+    """Return the output of a good call."""
     assert main([str(a) for a in argv]) == 0
     said = capsys.readouterr()
     notes = [line for line in said.err.splitlines() if line.startswith("rockerbogie: note: a metre on the ground is")]
@@ -118,7 +118,7 @@ def test_hole_in_the_ground(raster: Callable[..., Path], capsys: pytest.CaptureF
     file = raster(z)
     assert "missing data" in complaint(capsys, "settle", "-t", file, "--at", "3,3")
     record = json.loads(answer(capsys, "drive", "-t", file, "--json"))
-    assert record["status"]["NO_DATA"] > 0  # a hole on the way is an answer, not a mistake
+    assert record["status"]["NO_DATA"] > 0  # missing data on the way is an answer, not a mistake
     assert record["status"]["CONVERGED"] > 0
 
 

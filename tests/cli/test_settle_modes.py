@@ -1,4 +1,4 @@
-"""Commands `settle` and `drive` in equilibrium mode: forces, wheels off the ground and joint limits."""
+"""Commands `settle` and `drive` in equilibrium mode: forces, lifted wheels, joint limits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How fast, as ratios to baselines timed in the same run (docs/bench.md).
+"""Benchmarks, as ratios to baselines timed in the same run (docs/bench.md).
 
 Machines differ and are busy, so a time says little by itself: each case is timed beside the paper's own way, fsolve on
 eqs (13), and beside drops in MuJoCo, on the same ground and the same places, warm, in one run; Jacobians beside Pinocchio's.
@@ -37,7 +37,7 @@ LONG = 0.1  # s: as long a call, at least, tells what threads gain and not what 
 
 @dataclass(frozen=True)
 class Result:
-    """What was timed of a case. Times are µs a pose on one thread unless said; gaps m, of the poses that converged."""
+    """Results of one case: µs per pose on one thread unless stated, gaps (m) of converged poses."""
 
     name: str
     poses: int
@@ -61,7 +61,11 @@ class Result:
 
 
 def run_case(case: Case, poses: int = 10_000, baseline_poses: int = 20, drops: int = 2) -> Result:
-    """Time one case: scattered places from a cold start, places one after another along a line, one thread and all."""
+    """Time one case: scattered poses and poses along a line, on one thread and on all.
+
+    Returns:
+        The results.
+    """
     x, y, yaw = places(case, poses)
     line = np.linspace(0, 1, poses)
 
@@ -116,7 +120,7 @@ def _part(case: Case, x: Array, y: Array, yaw: Array, first: int) -> Callable[[]
 def figures(
     poses: int = 10_000, baseline_poses: int = 20, drops: int = 2, raster: Terrain | None = None
 ) -> Iterator[tuple[str, int, dict[str, object]]]:
-    """Time everything; yields (what was timed, how many steps there are, all figures so far) as each is done."""
+    """Time all cases; yield (what was timed, number of steps, all figures so far) after each."""
     every = cases(raster)
     steps = len(every) + 4
     done: list[dict[str, object]] = []
@@ -130,7 +134,11 @@ def figures(
 
 
 def machine() -> dict[str, object]:
-    """What the times were taken on."""
+    """Return the machine and the versions that the times belong to.
+
+    Returns:
+        Version, machine, cores, versions of Python, numba and numpy.
+    """
     from importlib.metadata import version
 
     from .._version import __version__

@@ -1,4 +1,4 @@
-"""What settling and Jacobians are measured against, each timed in the same run: fsolve, MuJoCo, Pinocchio."""
+"""Baselines for settling and Jacobians, timed in the same run: fsolve, MuJoCo, Pinocchio."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .clock import each
 Array = NDArray[np.float64]
 NAN = float("nan")
 
-#: A drop: its step, s; contacts without friction, stiff; damping of each joint over its own inertia, 1/s; let down from so far
+#: A drop: its step, s; contacts without friction, stiff; damping of each joint over its own inertia, 1/s; lowered from so far
 #: above the ground, m; at rest when no joint moves by STILL (m, rad) in BLOCK steps.
 TIMESTEP, SOLIMP, DAMPING, CLEAR = 0.004, (0.99, 0.999, 0.001, 0.5, 2.0), 8.0, 0.003
 STILL, BLOCK, MOST_BLOCKS = 1e-6, 10, 300
@@ -31,7 +31,7 @@ STILL, BLOCK, MOST_BLOCKS = 1e-6, 10, 300
 
 @dataclass(frozen=True)
 class Baseline:
-    """Another way to settle, at some places: medians of those it solves (a failure is not a time)."""
+    """Another method to settle: medians over the poses it solves (a failure is not a time)."""
 
     seconds: float
     solved: float  # share of the places
@@ -39,7 +39,7 @@ class Baseline:
 
 
 def fsolve_baseline(case: Case, x: Array, y: Array, yaw: Array, contact: Contact, points: int = RIM_POINTS) -> Baseline:
-    """The paper's way, with one thread. Its wheels have no width; nor has the rover when its gaps are measured."""
+    """Time the paper's method on one thread, with wheels without width."""
     discs = case.rover.replace(wheel_width=np.zeros(6))
     spent, gaps = [], []
     with threads(1):
@@ -53,7 +53,7 @@ def fsolve_baseline(case: Case, x: Array, y: Array, yaw: Array, contact: Contact
 
 
 def drop_baseline(case: Case, x: Array, y: Array, yaw: Array) -> Baseline:
-    """MuJoCo letting the rover down until it rests. What it comes to is another question's answer: no gap is said.
+    """Time MuJoCo lowering the rover to equilibrium, another pose, so without gaps.
 
     x, y and yaw are held (the body has joints up, pitch and roll alone), wheels are braked cylinders, contacts frictionless, and
     the steps alone are counted: not the building of the model.
@@ -112,7 +112,7 @@ def _height(rover: Rover, terrain: Terrain, x: float, y: float, yaw: float) -> f
 
 
 def pinocchio_seconds(rover: Rover, calls: int = 200, repeats: int = 50) -> tuple[float, float] | None:
-    """Time of Pinocchio's frames and six wheel Jacobians of one configuration, each call at another; none if not installed.
+    """Time Pinocchio's frames and six wheel Jacobians per configuration; None if not installed.
 
     First with what its calls from Python cost taken off (the same calls on a model without joints; for a frame's Jacobian,
     which takes no such model, with one joint), then as called from Python. It has no call that takes a batch.

@@ -1,4 +1,4 @@
-"""What is settled on what: the named cases, and where on them."""
+"""Named cases: rovers, terrains and the poses settled on them."""
 
 from __future__ import annotations
 
@@ -25,8 +25,17 @@ class Case:
 
 
 def cases(raster: Terrain | None = None) -> list[Case]:
-    """The named cases: smooth cubic ground, rough linear ground under thin discs, rocks under whole treads, Mars as maps
-    are made of it, and a raster file's ground (linear) if one is given."""
+    """Return the named cases.
+
+    They are smooth cubic terrain, rough linear terrain under thin discs, rocks under whole treads, Mars at map resolution, and
+    a raster file's terrain (linear) if one is given.
+
+    Args:
+        raster: terrain of one more case.
+
+    Returns:
+        The cases.
+    """
     percy, curiosity = load_rover("perseverance"), load_rover("curiosity")
     mars = surfaces.mars(1, size=200.0, spacing=1.0, k=0.0, smallest_crater=10.0, interpolation="cubic")
     every = [
@@ -43,7 +52,11 @@ def cases(raster: Terrain | None = None) -> list[Case]:
 
 
 def smooth_case() -> Case:
-    """The paper's rover on cubic ground with slopes of 15 deg at most and no radius below 0.5 m."""
+    """The paper's rover on cubic ground with slopes of 15 deg at most and no radius below 0.5 m.
+
+    Returns:
+        The case.
+    """
     ground = surfaces.rough(1, max_slope=np.radians(15), min_radius=0.5, size=12.0)
     return Case("smooth cubic, thin disc", load_rover("elhami-dashti"), ground)
 
@@ -61,7 +74,7 @@ def rocky_ground(spacing: float) -> Terrain:
 
 
 def places(case: Case, poses: int) -> tuple[Array, Array, Array]:
-    """Seeded x, y, yaw (poses,) that keep the rover on the map; on a map with holes, on ground that is known."""
+    """Return seeded x, y, yaw (poses,) on the map, away from missing data."""
     rng = np.random.default_rng(2)
     x0, y0, x1, y1 = case.terrain.bounds
     margin = case.rover.wheelbase

@@ -10,7 +10,7 @@ Clock = Callable[[], float]
 
 
 def timed(call: Call, clock: Clock = process_time) -> float:
-    """Seconds of one call; of this process's own time, so that a busy machine counts less, where it runs on one thread."""
+    """Return the seconds of one call; CPU time if it runs on one thread."""
     start = clock()
     call()
     return clock() - start

@@ -1,4 +1,4 @@
-"""What does not belong to a ground: a call, a start, six Jacobians, memory."""
+"""Costs that do not depend on the terrain: a call, a start, six Jacobians, memory."""
 
 from __future__ import annotations
 
@@ -22,8 +22,11 @@ FIRST_SETTLE = "import rockerbogie as rb; print(rb.settle(rb.load_rover('curiosi
 
 
 def calls() -> dict[str, float]:
-    """One settle of one pose from Python and the same of none, µs; a process that settles its first pose, kernels compiled
-    before, s."""
+    """Time single calls from Python.
+
+    Returns:
+        µs for one pose and for no pose, and the seconds of a process that settles its first pose with compiled kernels.
+    """
     case = smooth_case()
     x, y, yaw = (float(a[0]) for a in places(case, 1))
     none = np.empty(0)
@@ -42,8 +45,15 @@ def _children() -> float:
 
 
 def jacobians(poses: int = 2000, many: int = 100_000) -> dict[str, float]:
-    """µs a pose on one thread for frames and Jacobians of six wheels: into memory that is used again, in batches that stay
-    near the processor, for many poses at once, and without memory given; and Pinocchio's for the same."""
+    """Time frames and Jacobians of six wheels on one thread, beside Pinocchio.
+
+    Args:
+        poses: of a batch that stays in the processor's cache.
+        many: poses of one large batch.
+
+    Returns:
+        µs per pose: into memory that is used again, for many poses at once, without memory given; and Pinocchio's.
+    """
     rover = load_rover("elhami-dashti")
 
     def stance(count: int) -> SimpleStance:
@@ -67,7 +77,7 @@ def jacobians(poses: int = 2000, many: int = 100_000) -> dict[str, float]:
 
 
 def memory(poses: int = 250_000) -> dict[str, float]:
-    """MB that a million poses take, places given as the sides of a grid: what is kept, and most while settling."""
+    """Return the MB that a million poses on a grid take: kept, and at most while settling."""
     case = smooth_case()
     side = np.linspace(-2, 2, round(poses**0.5))
     settle(case.rover, case.terrain, side[:600], 0.0)

@@ -1,4 +1,4 @@
-"""How cost grows: with poses in a call, with the map, with cells finer than the wheel."""
+"""Growth of cost with poses per call, with the size of the map, and with finer cells."""
 
 from __future__ import annotations
 
@@ -15,8 +15,15 @@ Row = dict[str, float]
 
 
 def growth(poses: int = 3000) -> dict[str, list[Row]]:
-    """µs a pose on one thread. `poses`: in one call on smooth ground. `nodes`: of maps of the same rough ground, thin discs.
-    `cells`: rocks of 40 cm and more on ever finer grids, Perseverance's whole tread."""
+    """Time settling on one thread for growing batches and maps.
+
+    Args:
+        poses: timed per case.
+
+    Returns:
+        µs per pose. `poses`: in one call on smooth terrain. `nodes`: maps of the same rough terrain, thin discs. `cells`: rocks
+        of 40 cm and more on ever finer grids, Perseverance's whole tread.
+    """
     smooth, percy = smooth_case(), load_rover("perseverance")
     with threads(1):
         return {

@@ -17,7 +17,11 @@ class Table:
     rows: list[list[str]]
 
     def markdown(self) -> str:
-        """As a page wants it."""
+        """Return the table as Markdown.
+
+        Returns:
+            The text.
+        """
         lines = [self.headings, ["---", *["---:"] * (len(self.headings) - 1)], *self.rows]
         return "\n".join([self.caption, "", *(f"| {' | '.join(line)} |" for line in lines)])
 

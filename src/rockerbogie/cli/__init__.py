@@ -39,7 +39,14 @@ EXIT_INTERRUPTED = 130
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line and give its exit code: 0 done, 2 bad input (one sentence on stderr), 130 interrupted."""
+    """Run the command line; return 0 if done, 2 on bad input, 130 if interrupted.
+
+    Args:
+        argv: arguments; None for those of the process.
+
+    Returns:
+        Exit code: 0 done, 1 a negative answer, 2 bad input (one sentence on stderr), 130 interrupted.
+    """
     try:
         code = _run(sys.argv[1:] if argv is None else list(argv))
         sys.stdout.flush()

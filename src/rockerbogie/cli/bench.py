@@ -34,7 +34,7 @@ def bench(
     markdown: Path | None = None,
     force: Force = False,
 ) -> None:
-    """Time settling beside fsolve and MuJoCo, Jacobians beside Pinocchio, in one run, and say how many times faster they are.
+    """Time settling and Jacobians, as ratios to fsolve, MuJoCo and Pinocchio in the same run.
 
     Parameters
     ----------

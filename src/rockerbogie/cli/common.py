@@ -1,4 +1,4 @@
-"""What the commands share: how ground, places and files are named on the command line, progress, JSON."""
+"""Shared parts of the commands: options, positions, output guards, progress, JSON."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from ..terrain.heightfield import Terrain
 
-#: `--terrain surface:NAME` is a built-in surface at its usual size.
+#: `--terrain surface:NAME` is a built-in surface at its usual size; `surface:NAME?size=20&seed=3` one with other parameters.
 SURFACE = "surface:"
 #: Inputs that are text, and the names of files in them.
 _TEXTS = frozenset({".toml", ".urdf", ".sdf", ".xml", ".csv", ".json"})
@@ -40,7 +40,14 @@ Force = Annotated[bool, Parameter(name="--force", negative="")]
 
 
 def parse_point(text: str, option: str) -> tuple[float, float]:
-    """A place `x,y`, m.
+    """Return the position `x,y` of an option, m.
+
+    Args:
+        text: "x,y".
+        option: name of the option, for the error.
+
+    Returns:
+        x and y, m.
 
     Raises:
         RockerbogieError: not two finite numbers.
@@ -55,19 +62,39 @@ def parse_point(text: str, option: str) -> tuple[float, float]:
 
 
 def middle(terrain: Terrain) -> tuple[float, float]:
-    """The middle of the map, m."""
+    """Return the middle of the map, m.
+
+    Args:
+        terrain: the terrain.
+
+    Returns:
+        x and y, m.
+    """
     xmin, ymin, xmax, ymax = terrain.bounds
     return (xmin + xmax) / 2, (ymin + ymax) / 2
 
 
 def map_span(terrain: Terrain) -> str:
-    """Where the map lies, in words."""
+    """Return the extent of the map as text.
+
+    Args:
+        terrain: the terrain.
+
+    Returns:
+        A clause with its corners, m.
+    """
     xmin, ymin, xmax, ymax = terrain.bounds
     return f"the map spans ({xmin:.10g}, {ymin:.10g}) to ({xmax:.10g}, {ymax:.10g}) m"
 
 
 def make_folder(folder: Path) -> Path:
-    """The folder to write to, made if it is not there.
+    """Make a folder if it does not exist, and return it.
+
+    Args:
+        folder: the folder.
+
+    Returns:
+        The folder.
 
     Raises:
         RockerbogieError: it cannot be made.
@@ -80,12 +107,20 @@ def make_folder(folder: Path) -> Path:
 
 
 def in_folder(folder: Path | None, *names: str) -> list[Path]:
-    """Return the files of these names in a folder; no files if there is no folder."""
+    """Return the files of these names in a folder; no files if there is no folder.
+
+    Args:
+        folder: the folder, or None.
+        names: file names.
+
+    Returns:
+        Paths of the files; an empty list without a folder.
+    """
     return [] if folder is None else [folder / name for name in names]
 
 
 def guard_outputs(outputs: Iterable[Path], *inputs: str | Path | None, force: bool = False) -> None:
-    """Check before any work that the files to be written replace no input and no file of another program.
+    """Check before any work that outputs replace no input and no file of another program.
 
     Args:
         outputs: every file that the command will write.
@@ -100,7 +135,7 @@ def guard_outputs(outputs: Iterable[Path], *inputs: str | Path | None, force: bo
 
 
 def _files_of(name: str) -> list[Path]:
-    """Return the files behind an input: itself, what a raster consists of (sources, sidecars), what a robot file includes."""
+    """Return the files behind an input: itself, a raster's sources, a robot file's includes."""
     if name.startswith(SURFACE):
         return []
     path = Path(name)
@@ -122,7 +157,7 @@ def _files_of(name: str) -> list[Path]:
 
 
 def _is_data_folder(path: Path) -> bool:
-    """Return True for a Zarr group or the folder of a ROS bag; another folder only shares its name with a preset."""
+    """Return True for a Zarr group or a ROS bag; another folder only shares a preset's name."""
     if not path.is_dir():
         return False
     names = [item.name for item in path.iterdir()]
@@ -130,14 +165,23 @@ def _is_data_folder(path: Path) -> bool:
 
 
 def save_netcdf(dataset: xr.Dataset, file: Path) -> None:
-    """Write a Dataset as NetCDF, with the version of this package among its attributes."""
+    """Write a Dataset as NetCDF, with the version of this package among its attributes.
+
+    Args:
+        dataset: data to write.
+        file: ends in .nc; replaced if it exists.
+    """
     dataset.assign_attrs(rockerbogie_version=__version__).to_netcdf(file, engine="h5netcdf")
     remove_sidecars(file)
 
 
 @contextmanager
 def progress() -> Iterator[Progress]:
-    """A progress bar on stderr, silent where stderr is no terminal. `task = p.add_task("settling", total=n)`."""
+    """Show a progress bar on stderr; show nothing if stderr is not a terminal.
+
+    Returns:
+        The bar, as a context: `task = bar.add_task("settling", total=n)`.
+    """
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TimeRemainingColumn())
     with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
@@ -145,7 +189,11 @@ def progress() -> Iterator[Progress]:
 
 
 def print_json(value: Any) -> None:
-    """Print JSON on stdout; nan becomes null, for JSON has no nan."""
+    """Print JSON on stdout; nan becomes null, for JSON has no nan.
+
+    Args:
+        value: numbers, text, arrays, paths, lists and dicts of them.
+    """
     print(json.dumps(_plain(value), indent=2, allow_nan=False, ensure_ascii=False), file=sys.stdout)
 
 

@@ -25,6 +25,7 @@ from ..settling.status import MEANING, Status
 from ..simulation.compare import compare, settle_along
 from ..simulation.simulate import simulate_plan
 from ..terrain.heightfield import Terrain
+from ..vectors import is_vector
 from .common import (
     Folder,
     Force,
@@ -70,13 +71,14 @@ def drive(
     raster: Raster = None,
     output: Folder = None,
     mcap: Annotated[bool, Parameter(name="--mcap", negative="")] = False,
+    film: FilePath | None = None,
     force: Force = False,
     json: Json = False,
 ) -> None:
     """Drive a rover along a path quasi-statically.
 
     Prints the extremes of the run. With -o it also writes map.png (the path on the terrain, coloured by tilt), profile.png
-    (angles, joints and clearance along the path), worst.png (the rover at its largest tilt), run.nc and run.csv.
+    (angles, joints and clearance along the path), worst.png (the rover where it is closest to a limit), run.nc and run.csv.
 
     Parameters
     ----------
@@ -85,7 +87,7 @@ def drive(
     rover
         Name of a preset, or a rover file.
     path
-        Waypoints in the map's metres: "x,y x,y …"; or a CSV file with columns x, y and yaw, as `rockerbogie plan` writes.
+        Waypoints in the map's metres: "x,y x,y …"; or a .csv or .gpkg file, as `rockerbogie plan` writes.
         Default: straight along +x through the middle of the map, from edge to edge.
     radius
         Turning radius at the waypoints, m.
@@ -105,12 +107,18 @@ def drive(
         Folder for pictures and data.
     mcap
         Also write run.mcap into the folder of -o: ROS 2 messages for Foxglove and `ros2 bag`. Needs the ros extra.
+    film
+        Write a film of the drive: .gif, or .mp4 (needs the film extra).
     force
         Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
         Print the summary as JSON (SI units, radians) instead of the table.
     """
     written = in_folder(output, *_files("run"), *(("run.mcap",) if mcap else ()))
+    if film is not None:
+        if film.suffix.lower() not in (".gif", ".mp4"):
+            raise RockerbogieError(f"--film {str(film)!r} is no film: end it in .gif or .mp4")
+        written.append(film)
     if mcap and output is None:
         raise RockerbogieError("--mcap writes run.mcap into a folder: give one with -o")
     guard_outputs(written, terrain, rover, path, force=force)
@@ -128,6 +136,13 @@ def drive(
 
             write_mcap(machine, run, output / "run.mcap", force=force)
             files.append(output / "run.mcap")
+        if film is not None:
+            from ..figures.film import write_film
+
+            bar.update(task, description="filming")
+            make_folder(film.parent)
+            told = lambda done, total: bar.update(task, completed=done, total=total)  # noqa: E731
+            files.append(write_film(film, machine, ground, run, progress=told))
     summary = _summary(run)
     if json:
         print_json(summary | {"files": files})
@@ -165,7 +180,7 @@ def simulate(
     rover
         Name of a preset, or a rover file.
     path
-        Waypoints in the map's metres: "x,y x,y …"; or a CSV file with columns x, y and yaw, as `rockerbogie plan` writes.
+        Waypoints in the map's metres: "x,y x,y …"; or a .csv or .gpkg file, as `rockerbogie plan` writes.
         Default: straight along +x through the middle of the map, from edge to edge.
     radius
         Turning radius at the waypoints, m.
@@ -267,11 +282,11 @@ def _why_short(sim: xr.Dataset) -> str:
 
 
 def _path(text: str | None, radius: float, rover: Rover, terrain: Terrain) -> Path:
-    """Return the path of a CSV file or of waypoints `x,y x,y …`.
+    """Return the path of a file or of waypoints `x,y x,y …`.
 
     The default path is straight through the middle of the map; it keeps the rover's reach away from the edge of the map.
     """
-    if text is not None and text.lower().endswith(".csv"):
+    if text is not None and (text.lower().endswith(".csv") or is_vector(text)):
         return read_route(text, radius)
     if text is not None:
         return Path.waypoints([parse_point(part, "--path") for part in text.split()], radius)
@@ -319,9 +334,9 @@ def _write_run(rover: Rover, terrain: Terrain, run: xr.Dataset, output: FilePath
     to_csv(run, folder / f"{name}.csv")
     save(run_map(rover, terrain, run), folder / "map.png")
     save(run_profile(rover, terrain, run), folder / "profile.png")
-    worst = run.isel(time=worst_of(run))
-    where = f"{rover.name} on {terrain.name}: steepest, {float(worst['distance']):.4g} m along its path"
-    save(pose_figure(rover, terrain, worst, where), folder / "worst.png")
+    if (worst := worst_of(rover, run)) is not None:
+        title = f"{rover.name} on {terrain.name}, worst: {worst.reason}"
+        save(pose_figure(rover, terrain, run.isel(time=worst.station), title), folder / "worst.png")
     return in_folder(folder, *_files(name))
 
 

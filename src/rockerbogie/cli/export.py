@@ -1,4 +1,4 @@
-"""`rockerbogie export`: a rover as URDF, SDF, MJCF or TOML; or a Gazebo world with a terrain and the rover on it."""
+"""Command `export`: a rover as URDF, SDF, MJCF or TOML, or a Gazebo world with the rover."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`rockerbogie map`: a whole terrain, and where on it a rover can go."""
+"""Command `map`: where on a whole terrain a rover can go."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def map_(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Where a rover can go on a whole terrain: settled at every cell and heading, held against limits.
+    """Map where a rover can go: settle it at every cell and heading, and compare with limits.
 
     Writes, by the ending of -o: a cloud-optimised GeoTIFF (.tif; angles in degrees) with a style for QGIS beside it (.qml),
     or Zarr (.zarr) or NetCDF (.nc) with every heading's layers (SI, radians); and a picture (.png). What is finished of a
@@ -85,7 +85,7 @@ def map_(
         Side of a cell, m. Default: the terrain's own.
     limits
         What a pose may have at most: curiosity (its flight limits), none, or a TOML file with tilt_deg, pitch_deg,
-        roll_deg, rocker_deg, bogie_deg, clearance_m. The options below overrule single ones.
+        roll_deg, rocker_deg, bogie_deg, clearance_m. The options below override single ones.
     tilt
         Greatest angle between the body's up and the vertical, degrees.
     pitch
@@ -105,7 +105,8 @@ def map_(
     linear
         Bilinear ground between the nodes, or a smooth cubic surface. Default: cubic for files.
     layers
-        Keep only these layers, comma-separated, beside passable and worst_exceeded. Default: all that the output can hold.
+        Keep only these layers, comma-separated, beside passable and worst_exceeded. Default: all usual ones that the output can
+        hold; named only: margin, worst_margin, slope, aspect, roughness.
     per_heading
         Every heading's layers in the GeoTIFF too, after the summaries.
     chunk
@@ -167,7 +168,7 @@ def map_(
 
 @contextmanager
 def _told(parts: Path | None) -> Iterator[tuple[Callable[[int, int], None], Callable[[int, int], None]]]:
-    """A bar with the time left, for cells done and for the share written; and a word on what is resumed and what is kept."""
+    """Show progress of settling and writing, and print notes on resumed and kept work."""
     with progress() as bar:
         task = bar.add_task("settling", total=None)
         seen: list[int] = []
@@ -208,7 +209,7 @@ def _layers(text: str | None, *, summaries_only: bool) -> list[str] | None:
     """
     held = [name for name, layer in LAYERS.items() if not (summaries_only and layer.per_heading)]
     if text is None:
-        return held if summaries_only else None
+        return [name for name in held if LAYERS[name].usual] if summaries_only else None
     names = chosen_layers([part.strip() for part in text.split(",")])
     if missing := [name for name in names if name not in held]:
         raise RockerbogieError(
@@ -218,7 +219,7 @@ def _layers(text: str | None, *, summaries_only: bool) -> list[str] | None:
 
 
 def _limits(name: str, *single: float | None) -> Limits:
-    """Limits by name or from a TOML file, single ones overruled: tilt, pitch, roll, rocker, bogie (degrees), clearance (m)."""
+    """Return limits by name or from a TOML file; single ones (degrees, m) override them."""
     base = _from_toml(Path(name)) if name.endswith(".toml") else Limits.named(name)
     names = ("tilt", "pitch", "roll", "rocker", "bogie", "clearance")
     given = {key: value for key, value in zip(names, single, strict=True) if value is not None}

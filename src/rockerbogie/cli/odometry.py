@@ -65,7 +65,7 @@ def odometry(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Integrate a log of wheels, steering, rocker and bogies to the rover's track in three dimensions.
+    """Compute 3-D odometry from a log of wheels, steering, rocker and bogies.
 
     Prints what was read, what was repaired and which sensors are doubtful; then the track's length, its end and the slip
     left over, beside flat 2-D odometry of the same log, and the error of both if the log has positions. With -o it writes

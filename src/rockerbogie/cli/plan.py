@@ -1,21 +1,27 @@
-"""`rockerbogie plan`: the least-cost way over a map."""
+"""`rockerbogie plan`: least-cost routes over a map."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from cyclopts import Parameter
 from rich.console import Console
 
 from ..errors import RockerbogieError
-from ..maps.files import read_map
+from ..maps.files import check_place, read_map, write_map
+from ..maps.plan import USUAL_SPEED, reachability
 from ..maps.plan import plan as plan_route
 from ..maps.preview import overview
+from ..motion.path_files import Route
+from ..motion.route_package import read_line
 from ..rover.formats import load_rover
 from .common import Force, Json, guard_outputs, make_folder, print_json, progress
 from .rasters import Raster, RasterOptions, raster_or_surface
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Place = Annotated[tuple[float, float], Parameter(allow_leading_hyphen=True)]
 Heading = Annotated[float | None, Parameter(allow_leading_hyphen=True)]
@@ -26,9 +32,16 @@ def plan(
     /,
     *,
     start: Place,
-    goal: Place,
+    goal: Place | None = None,
+    via: Annotated[list[tuple[float, float]] | None, Parameter(allow_leading_hyphen=True, negative="")] = None,
+    goals: Path | None = None,
     start_heading: Heading = None,
     goal_heading: Heading = None,
+    keep_out: Path | None = None,
+    keep_out_margin: float | None = None,
+    cost: Path | None = None,
+    reach: Path | None = None,
+    speed: float = USUAL_SPEED,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     rover: Annotated[str | None, Parameter(name=["--rover", "-r"])] = None,
     tilt_weight: float = 1.0,
@@ -41,9 +54,9 @@ def plan(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """The least-cost way over a map that `rockerbogie map` made, as the rover can turn.
+    """Compute the least-cost route over a map that `rockerbogie map` made.
 
-    With -o it writes the way and a picture of it over the map (.png). `rockerbogie drive --path route.csv` goes along it.
+    With -o it writes the route and a picture of it over the map (.png). `rockerbogie drive --path route.csv` drives it.
 
     Parameters
     ----------
@@ -53,47 +66,73 @@ def plan(
     start
         x y in the map's metres.
     goal
-        x y in the map's metres.
+        x y in the map's metres: the last goal.
+    via
+        x y of a goal to reach before; may be repeated, in order.
+    goals
+        A vector file of points, reached in the order of the file, before --via and --goal.
     start_heading
-        Where the rover faces there, degrees, counter-clockwise from +x (east). Default: any.
+        Yaw of the rover there, degrees, counter-clockwise from +x (east). Default: any.
     goal_heading
-        Where it is to face at the goal, degrees. Default: any.
+        Yaw at the goal, degrees. Default: any.
+    keep_out
+        Areas not to enter: all features of a vector file (GeoPackage, Shapefile, ...), or a raster that is neither 0 nor no
+        data there.
+    keep_out_margin
+        Distance that the rover's reference point keeps from them, m. Default: the rover's own radius.
+    cost
+        Extra cost per metre, from 0: a vector file with a column `cost`, or a raster.
+    reach
+        Also write the part of the map that the rover can reach from the start, and the cost: .tif, .nc or .zarr. Needs no goal.
+    speed
+        Of the wheels, m/s, for the times in the route.
     output
-        The way to write: .csv (poses; for drive) or .geojson (a line in the map's CRS; for QGIS).
+        The route to write: .gpkg (lines with length, time, tilt and clearance, and poses; CRS of the map), .csv (poses) or
+        .geojson (a line).
     rover
         A preset's name, or a rover file: how it turns. Default: the map's own rover, if that is a preset.
     tilt_weight
-        A metre at the tilt limit costs this many metres more than a level one; less tilt costs less, by its square.
+        Weight w of the tilt: a metre costs 1 + w (tilt / tilt limit)².
     turn_cost
-        What a turn costs, m a radian.
+        Cost of a turn, m per radian.
     turn_in_place
-        Whether the rover can. Default: if its four corner wheels steer.
+        Override how the rover turns. Default: on the spot if its four corner wheels steer.
     backward
-        It may drive backwards too.
+        Allow driving backwards.
     terrain
         The ground, a raster file or surface:NAME, to shade the picture with.
     preview
-        The picture beside the way.
+        Write the picture too.
     force
         Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
-        Print the way as JSON (SI units, radians) in place of a line.
+        Print the route as JSON (SI units, radians) instead of a line.
     """
-    if output is not None and output.suffix.lower() not in (".csv", ".geojson"):
-        raise RockerbogieError(f"{str(output)!r} names no kind of way: end it in .csv or .geojson")
+    if output is not None and output.suffix.lower() not in WRITERS:
+        raise RockerbogieError(f"{str(output)!r} names no kind of route: end it in .gpkg, .csv or .geojson")
+    if reach is not None:
+        check_place(reach)
     picture = None if output is None or not preview else output.with_suffix(".png")
-    guard_outputs([file for file in (output, picture) if file is not None], map_file, rover, terrain, force=force)
-    maps = read_map(map_file)
+    written = [file for file in (output, picture, reach) if file is not None]
+    guard_outputs(written, map_file, rover, terrain, goals, keep_out, cost, force=force)
+    ends = _goals(goals, via, None if goal is None else _state(goal, goal_heading))
+    if not ends and reach is None:
+        raise RockerbogieError("where to? Give --goal X Y, a file of --goals, or --reach to see where the rover can go")
+    maps, begin, files = read_map(map_file), _state(start, start_heading), []
+    options: dict[str, Any] = {
+        "rover": None if rover is None else load_rover(rover), "keep_out": keep_out, "keep_out_margin": keep_out_margin,
+        "cost": cost, "tilt_weight": tilt_weight, "turn_cost": turn_cost, "turn_in_place": turn_in_place, "backward": backward,
+    }  # fmt: skip
     with progress() as bar:
         bar.add_task("planning", total=None)
-        found = plan_route(
-            maps, _state(start, start_heading), _state(goal, goal_heading), rover=None if rover is None else load_rover(rover),
-            tilt_weight=tilt_weight, turn_cost=turn_cost, turn_in_place=turn_in_place, backward=backward,
-        )  # fmt: skip
-    files = []
-    if output is not None:
+        reached = None if reach is None else reachability(maps, begin, **options)
+        found = plan_route(maps, begin, ends, speed=speed, **options) if ends else None
+    if reach is not None and reached is not None:
+        make_folder(reach.parent)
+        files.append(write_map(reached, reach, force=force))
+    if output is not None and found is not None:
         make_folder(output.parent)
-        (found.to_csv if output.suffix.lower() == ".csv" else found.to_geojson)(output, force=force)
+        WRITERS[output.suffix.lower()](found, output, force=force)
         files.append(output)
         if picture is not None:
             from ..figures.style import save
@@ -102,12 +141,40 @@ def plan(
             ground = None if terrain is None else raster_or_surface(terrain, None, raster)
             files.append(save(terrain_map(overview(maps, ground, **(raster or RasterOptions()).file_options), found), picture))
     if json:
-        names = ("x", "y", "yaw", "distance", "cost", "tilt")
-        print_json({name: getattr(found, name) for name in names} | {"heading": found.yaw, "files": files})  # heading: old name
-    else:
-        Console(highlight=False, soft_wrap=True).print(str(found))
-        for file in files:
-            print(file)
+        names = ("x", "y", "yaw", "distance", "cost", "tilt", "clearance", "time", "goal")
+        record = {} if found is None else {name: getattr(found, name) for name in names} | {"heading": found.yaw}
+        print_json(record | _share(reached) | {"files": files})
+        return
+    console = Console(highlight=False, soft_wrap=True)
+    if found is not None:
+        console.print(str(found))
+    if reached is not None:
+        console.print(f"{100 * _share(reached)['reachable_share']:.1f} % of the passable cells can be reached from the start")
+    for file in files:
+        print(file)
+
+
+#: Writers of a route by the file's ending.
+WRITERS = {".csv": Route.to_csv, ".geojson": Route.to_geojson, ".gpkg": Route.to_geopackage}
+
+
+def _share(reached: xr.Dataset | None) -> dict[str, float]:
+    """Return the share of the map's passable cells that can be reached."""
+    if reached is None:
+        return {}
+    share = reached["reachable"].values
+    free = reached["passable"].values > 0 if "passable" in reached else np.isfinite(share)
+    return {"reachable_share": float((share[free] > 0).mean()) if free.any() else 0.0}
+
+
+def _goals(file: Path | None, via: list[tuple[float, float]] | None, last: tuple[float, ...] | None) -> list[tuple[float, ...]]:
+    """Return all goals in order."""
+    found: list[tuple[float, ...]] = []
+    if file is not None:
+        line, yaw = read_line(file)
+        points = line if yaw is None else np.column_stack([line, yaw])
+        found = [tuple(map(float, point)) for point in points]
+    return [*found, *(via or []), *([] if last is None else [last])]
 
 
 def _state(place: tuple[float, float], heading: float | None) -> tuple[float, ...]:

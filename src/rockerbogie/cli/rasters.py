@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from ..errors import RockerbogieError, TerrainError, unknown_name
+from ..errors import RockerbogieError, TerrainError
 from .common import SURFACE
+from .surface_names import build_surface
 
 if TYPE_CHECKING:
     from ..terrain.heightfield import Terrain
@@ -72,18 +73,14 @@ def load_terrain(name: str, linear: bool | None, raster: RasterOptions | None = 
     if name.startswith(SURFACE):
         if given:
             raise TerrainError(f"--{', --'.join(given)} is for raster files; {name} is a built-in surface: leave it out")
-        wanted = name.removeprefix(SURFACE)
-        if wanted not in surfaces.__all__:
-            raise TerrainError(unknown_name("surface", wanted, surfaces.__all__))
-        terrain: Terrain = getattr(surfaces, wanted)(**options)
-        return terrain
+        return build_surface(name.removeprefix(SURFACE), options.get("interpolation"))
     if name in surfaces.__all__ and not Path(name).exists():
         raise TerrainError(f"no file named {name!r}; did you mean the built-in surface {SURFACE + name!r}?")
     return Terrain.from_raster(name, **options, **given)
 
 
 def raster_or_surface(name: str, linear: bool | None, raster: RasterOptions | None) -> Terrain | str:
-    """Return a built-in surface or the window of a file in memory; without a window the file's name, to be read in parts.
+    """Return a surface or a file's window in memory; else the file's name, to be read in parts.
 
     Args:
         name: as given on the command line.

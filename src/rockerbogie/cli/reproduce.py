@@ -12,15 +12,22 @@ from rich.console import Console
 from rich.table import Table
 
 from ..paper.report import ErrorRow
-from ..paper.reproduce import OUTPUTS
+from ..paper.reproduce import OUTPUTS, ROVER
 from ..paper.reproduce import reproduce as reproduce_paper
-from .common import Force, Json, guard_outputs, in_folder, make_folder, print_json, progress
+from ..rover.formats import load_rover
+from .common import Force, Json, RoverName, guard_outputs, in_folder, make_folder, print_json, progress
 
 #: Exit code where the model is further from the simulation than it may be.
 EXIT_NOT_CLOSE = 1
 
 
-def reproduce(*, output: Annotated[Path, Parameter(name=["--output", "-o"])], force: Force = False, json: Json = False) -> int:
+def reproduce(
+    *,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    rover: RoverName = ROVER,
+    force: Force = False,
+    json: Json = False,
+) -> int:
     """Reproduce section III of the paper: figures, data, animation, report.
 
     The rover crosses the paper's two hills by the kinematic model and in a MuJoCo simulation. Written are figures 6 to 9
@@ -31,17 +38,22 @@ def reproduce(*, output: Annotated[Path, Parameter(name=["--output", "-o"])], fo
     ----------
     output
         Folder to write to.
+    rover
+        Another rover to cross the bumps: a preset's name, or a rover file with constants of your own (`rockerbogie rovers new`
+        writes one; `rockerbogie rovers NAME` prints the Denavit-Hartenberg table, the paper's Table I). Bumps, path and speed
+        are scaled to its size, and the paper's statements and limits left out.
     force
         Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
         Print errors and statements as JSON in place of tables.
     """
-    guard_outputs(in_folder(output, *OUTPUTS), force=force)
+    guard_outputs(in_folder(output, *OUTPUTS), rover, force=force)
+    machine = None if rover == ROVER else load_rover(rover)
     folder = make_folder(output)
     began = time.perf_counter()
     with progress() as bar:
         task = bar.add_task("starting", total=1.0)
-        made = reproduce_paper(folder, lambda what, share: bar.update(task, description=what, completed=share))
+        made = reproduce_paper(folder, lambda what, share: bar.update(task, description=what, completed=share), rover=machine)
     if json:
         print_json(
             {
@@ -67,6 +79,6 @@ def _print_errors(console: Console, errors: list[ErrorRow]) -> None:
         table.add_column(head, justify="right" if head else "left")
     for row in errors:
         limits = ["" if limit is None else f"{limit:g}" for limit in (row.rms_limit, row.worst_limit)]
-        verdict = "within" if row.within else "[bold]beyond[/]"
+        verdict = "" if row.rms_limit is None else "within" if row.within else "[bold]beyond[/]"
         table.add_row(row.channel, f"{row.rms:.4f}", limits[0], f"{row.worst:.4f}", limits[1], row.unit, verdict)
     console.print(table)

@@ -62,8 +62,8 @@ def write_report(
         "<h1>A rocker-bogie over two kinds of hill</h1>",
         f"<p class=lead>{escape(lead)}</p>",
         "<p class=verdict>",
-        _badge(kept == len(errors), f"{kept} of {len(errors)} error limits kept"),
-        _badge(held == len(claims), f"{held} of {len(claims)} statements of the paper borne out"),
+        _badge(kept == len(errors), f"{kept} of {len(errors)} error limits kept") if claims else "",
+        _badge(held == len(claims), f"{held} of {len(claims)} statements of the paper borne out") if claims else "",
         "</p>",
         *(_figure(picture) for picture in pictures),
         "<h2>Kinematic model against rigid-body simulation</h2>",
@@ -72,7 +72,7 @@ def write_report(
         "<h2>What the paper says of its figures</h2>",
         "<p>Each statement, put in our words, is decided by code from the numbers of each run; those given are the "
         "model's, and the simulation's where it decides otherwise.</p>",
-        _claims_table(claims),
+        _claims_table(claims) if claims else "",
         "<h2>What this rests on</h2>",
         "<dl>" + "".join(f"<dt>{escape(k)}</dt><dd>{escape(v)}</dd>" for k, v in facts.items()) + "</dl>",
         "<h2>Data</h2>",
@@ -96,7 +96,7 @@ def _errors_table(errors: Sequence[ErrorRow]) -> str:
     rows = [
         f"<tr><th scope=row>{escape(e.channel)}</th><td>{e.rms:.4f}</td><td>{_limit(e.rms_limit)}</td>"
         f"<td>{e.worst:.4f}</td><td>{_limit(e.worst_limit)}</td><td>{escape(e.unit)}</td>"
-        f"<td>{_badge(e.within, 'within' if e.within else 'beyond')}</td></tr>"
+        f"<td>{_badge(e.within, 'within' if e.within else 'beyond') if e.rms_limit else ''}</td></tr>"
         for e in errors
     ]
     heads = "".join(f"<th scope=col>{h}</th>" for h in ("channel", "RMS", "limit", "worst", "limit", "unit", ""))

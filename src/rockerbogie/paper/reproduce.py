@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import platform
 import time
@@ -10,6 +11,8 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from ..figures.style import save
 from ..motion.drive import drive, to_csv
@@ -58,15 +61,28 @@ class Reproduction:
         return all(row.within for row in self.errors)
 
 
-def reproduce(folder: FilePath, progress: Progress = lambda what, share: None) -> Reproduction:
-    """Reproduce section III into a folder, which must exist."""
-    rover = load_rover(ROVER)
-    terrain = surfaces.paper(run_in=BUMP_START, length=BUMP_LENGTH)
-    path = Path.straight((0.0, 0.0), 0.0, WAY)
+def reproduce(folder: FilePath, progress: Progress = lambda what, share: None, *, rover: Rover | None = None) -> Reproduction:
+    """Reproduce section III into a folder.
+
+    Args:
+        folder: where the files go; it must exist.
+        progress: called with what is being done and the share done, 0 to 1.
+        rover: a rover to cross the bumps in place of the paper's. The bumps, the path and the speed are scaled with its
+            wheelbase (more for a rover that is broader). The paper's statements and limits, which are of its own rover,
+            are then left out.
+
+    Returns:
+        Errors against the simulation, the statements, and the report.
+    """
+    own = rover is None
+    rover = load_rover(ROVER) if rover is None else rover
+    scale = 1.0 if own else _scale(rover)
+    terrain = surfaces.paper(run_in=BUMP_START, length=BUMP_LENGTH) if own else _scaled_bumps(scale)
+    path, speed = Path.straight((0.0, 0.0), 0.0, scale * WAY), scale * SPEED
 
     progress("kinematic model", 0.0)
     began = time.perf_counter()
-    run = drive(rover, terrain, path, SPEED, step=STEP)
+    run = drive(rover, terrain, path, speed, step=scale * STEP)
     model_time = time.perf_counter() - began
     began = time.perf_counter()
     sim = simulate_plan(
@@ -80,43 +96,69 @@ def reproduce(folder: FilePath, progress: Progress = lambda what, share: None) -
         to_csv(data, folder / f"{name}.csv")
     progress("figures", 0.72)
     beside = settle_along(rover, terrain, sim)
-    _draw_figures(folder, rover, terrain, run, sim, beside)
+    _draw_figures(folder, rover, terrain, run, sim, beside, scale)
     crossing_gif(folder / "crossing.gif", rover, terrain, run, progress=lambda share: progress("film", 0.8 + 0.2 * share))
 
-    errors = error_rows(compare(beside, sim), sim.sizes["time"])
+    errors = error_rows(compare(beside, sim), sim.sizes["time"], limited=own)
     ends = (BUMP_START, BUMP_START + BUMP_LENGTH)
-    model, simulated = (check_claims(Crossing.of(rover, terrain, data, *ends)) for data in (run, sim))
+    model, simulated = (check_claims(Crossing.of(rover, terrain, data, *ends)) if own else [] for data in (run, sim))
     claims = list(zip(model, simulated, strict=True))
+    at = f"{scale * FIGURE_6_AT:.3g} m"
     write_report(
         folder / "report.html",
         lead=(
-            f"The rover of Elhami and Dashti, driven {WAY:g} m straight ahead at {100 * SPEED:g} cm/s, its right wheels over "
+            f"{'The rover of Elhami and Dashti' if own else f'Rover {rover.name}'}, driven {scale * WAY:.3g} m straight ahead "
+            f"at {100 * speed:.3g} cm/s, its right wheels over "
             "slopes of 16.7° and its left wheels over a sinusoidal hill: by the kinematic model, and by a rigid-body simulation "
             "in MuJoCo."
         ),
         errors=errors,
         claims=claims,
-        pictures=[Picture(folder / name, alt, caption) for name, alt, caption in _PICTURES],
+        pictures=[Picture(folder / name, alt, caption.replace("1.25 m", at)) for name, alt, caption in _PICTURES],
         facts=_facts(rover, terrain, run, sim, model_time, sim_time),
         data=_DATA,
     )
     return Reproduction(errors, claims, folder / "report.html")
 
 
-def _draw_figures(folder: FilePath, rover: Rover, terrain: Terrain, run: xr.Dataset, sim: xr.Dataset, beside: xr.Dataset) -> None:
-    save(figure_6(rover, terrain, run, FIGURE_6_AT), folder / "figure6.png", dpi=180)
+def _scale(rover: Rover) -> float:
+    """Return the factor from the paper's rover to another: that of their wheelbases, or of their widths if that is greater."""
+    paper = load_rover(ROVER)
+    broad = [float(np.abs(each.hubs[:, 1]).max()) for each in (rover, paper)]
+    return max(rover.wheelbase / paper.wheelbase, broad[0] / broad[1])
+
+
+def _scaled_bumps(scale: float) -> Terrain:
+    """Return the paper's bumps, all lengths times `scale`."""
+    default = {key: parameter.default for key, parameter in inspect.signature(surfaces.paper).parameters.items()}
+    kept = ("ramp_slope", "interpolation")
+    lengths = {key: scale * value for key, value in default.items() if key not in kept}
+    return surfaces.paper(**lengths | {"run_in": scale * BUMP_START, "length": scale * BUMP_LENGTH})
+
+
+def _draw_figures(
+    folder: FilePath, rover: Rover, terrain: Terrain, run: xr.Dataset, sim: xr.Dataset, beside: xr.Dataset, scale: float
+) -> None:
+    save(figure_6(rover, terrain, run, scale * FIGURE_6_AT), folder / "figure6.png", dpi=180)
     for name, (title, curves) in figures_7_to_9(rover).items():
-        save(angles_figure(title, curves, run, sim, beside, arrivals(rover, BUMP_START)), folder / f"{name}.png")
+        save(angles_figure(title, curves, run, sim, beside, arrivals(rover, scale * BUMP_START)), folder / f"{name}.png")
 
 
-def error_rows(comparison: Comparison, records: int) -> list[ErrorRow]:
-    """The channels that have a limit, in degrees and millimetres; nan where any of the records has no difference."""
+def error_rows(comparison: Comparison, records: int, *, limited: bool = True) -> list[ErrorRow]:
+    """Return the errors of the main channels, in degrees and millimetres; NaN where any of the records has no difference.
+
+    Args:
+        comparison: of the two runs.
+        records: number of records that must have a difference.
+        limited: set the limits of the paper's rover.
+    """
     rows = []
     for name, limit in RMS_LIMITS.items():
         channel = comparison[name]
         unit, factor = PRINTED[channel.unit]
         rms, worst = (factor * v if channel.count == records else math.nan for v in (channel.rms, channel.worst))
-        rows.append(ErrorRow(name, unit, rms, worst, limit, WORST_LIMIT if unit == "deg" else None))
+        limits = (limit, WORST_LIMIT if unit == "deg" else None) if limited else (None, None)
+        rows.append(ErrorRow(name, unit, rms, worst, *limits))
     return rows
 
 
