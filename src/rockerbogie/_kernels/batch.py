@@ -11,9 +11,9 @@ from .jit.decorators import inlined, njit
 from .jit.raw_views import unowned_view
 from .model.ground import META_X, META_Y, META_Z, Ground, borrow
 from .model.linkage import P_BOX, PITCH, ROLL, Z, body_axes, forward_kinematics, set_hub_offsets
-from .model.wheel import COSINE, GAP, HALF, HX, HY, HZ, PLACE, SIN, contact_angle, contact_slope, gap_at, tread_point
+from .model.wheel import CONTACT_SIZE, COSINE, GAP, HALF, HX, HY, HZ, PLACE, SIN, contact_angle, contact_slope, gap_at, tread_point
 from .search.body_box import NEAR_ROOM, NEAR_SIZE, box_over_ground, least_clearance
-from .search.tread import FOUND, least_gap, patches
+from .search.tread import FOUND, count_contacts, least_gap
 from .search.verify_minimum import LEAST
 from .search.workspace import WORK_SIZE, lay_out
 from .simd import bilinear_settle
@@ -27,6 +27,7 @@ from .solve.newton import CONVERGED, JOINT_STOP, beyond_stops, settle_contact
 Array = NDArray[np.float64]
 
 
+COUNTED = 256  # local minima of a tread's gap that contacts are counted from
 UNSETTLED = 255  # as a status: a pose that the lanes have not settled, and `settle_left` is to
 
 
@@ -225,7 +226,9 @@ def touch_batch(
     grid, _, meta = land
     buffer = np.empty(WORK_SIZE)
     work = lay_out(buffer)
-    lowest, contacts, wheels, local = work.lowest, work.contacts, work.wheels, work.step
+    lowest, wheels, local = work.lowest, work.wheels, work.step
+    contacts_buffer = np.empty((COUNTED, CONTACT_SIZE))
+    contacts = unowned_view(contacts_buffer)
     for k in range(start, stop):
         gap[k] = angle[k] = math.nan
         point[k] = normal[k] = math.nan
@@ -256,8 +259,8 @@ def touch_batch(
             size = math.sqrt(1.0 + gx * gx + gy * gy)
             normal[k, i, 0], normal[k, i, 1], normal[k, i, 2] = -gx / size, -gy / size, 1.0 / size
             angle[k, i] = contact_angle(w, lowest[SIN], lowest[COSINE], lowest[PLACE])
-            count[k, i] = patches(land, w, contacts, kept, keep)
-    buffer[0] = 0.0
+            count[k, i] = count_contacts(land, w, contacts, kept, keep)
+    buffer[0] = contacts_buffer[0, 0] = 0.0  # keep the buffers alive: `work` and `contacts` are unowned views of them
 
 
 @njit

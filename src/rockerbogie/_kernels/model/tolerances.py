@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 CONTACT_TIE = 1e-13  # m
+SAME_CONTACT = 1e-7  # rad, and of the radius along the axle: minima of the gap nearer than this are one, found twice
 GAP_TIE = 1e-12  # m: a gap lower by less is not looked for
 CELL_MARGIN = 1e-10  # of a cell: more than rounding, and nothing to the gap
 VERIFIED_DEPTH = 1e-9  # m: what a searched tread may lie in the ground

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ..jit.decorators import inlined, njit
 from .ground import META_CUBIC, surface
-from .tolerances import CONTACT_TIE
+from .tolerances import CONTACT_TIE, SAME_CONTACT
 
 Array = NDArray[np.float64]
 
@@ -137,6 +137,12 @@ def keep_lower_contact(
     if gap < lowest[GAP] - CONTACT_TIE or (beside and gap < lowest[GAP] + CONTACT_TIE):
         lowest[GAP], lowest[SIN], lowest[COSINE], lowest[PLACE] = gap, sine, cosine, s
     if gap <= keep and contacts.shape[0] > 0:
+        for k in range(count):  # cells that share a node or an edge find the same minimum: it takes one row of the list
+            apart = max(abs(contacts[k, SIN] - sine), abs(contacts[k, COSINE] - cosine))
+            if apart < SAME_CONTACT and abs(contacts[k, PLACE] - s) < SAME_CONTACT * w[RADIUS]:
+                if gap < contacts[k, GAP]:
+                    contacts[k, GAP], contacts[k, SIN], contacts[k, COSINE], contacts[k, PLACE] = gap, sine, cosine, s
+                return count
         spot = count if count < contacts.shape[0] else dispensable(w, contacts, gap, sine, cosine, s)
         if spot >= 0:
             contacts[spot, GAP], contacts[spot, SIN], contacts[spot, COSINE], contacts[spot, PLACE] = gap, sine, cosine, s
