@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from .jit.decorators import inlined, njit
 from .jit.raw_views import unowned_view
+from .model.bridge import bridged_grid, cells_around, with_grid
 from .model.ground import META_X, META_Y, META_Z, Ground, borrow
-from .model.linkage import P_BOX, PITCH, ROLL, Z, body_axes, forward_kinematics, set_hub_offsets
+from .model.linkage import P_BOX, PITCH, ROLL, Z, body_axes, forward_kinematics, reach, set_hub_offsets
 from .model.wheel import CONTACT_SIZE, COSINE, GAP, HALF, HX, HY, HZ, PLACE, SIN, contact_angle, contact_slope, gap_at, tread_point
 from .search.body_box import NEAR_ROOM, NEAR_SIZE, box_over_ground, least_clearance
 from .search.tread import FOUND, count_contacts, least_gap
@@ -21,8 +22,8 @@ from .simd.cubic_newton import guaranteed_step
 from .simd.cubic_settle import ROUNDS, load, settle_block
 from .simd.layout import BILINEAR, BILINEAR_SIZE, CONTACT, CUBIC, CUBIC_SIZE, LANES, LINE, POSE
 from .simd.linkage import line_up
-from .solve.equilibrium import settle_equilibrium, settle_from_pose
-from .solve.newton import CONVERGED, JOINT_STOP, beyond_stops, settle_contact
+from .solve.equilibrium import R_SIZE, settle_equilibrium, settle_from_pose
+from .solve.newton import CONVERGED, JOINT_STOP, beyond_stops, covered, settle_contact
 
 Array = NDArray[np.float64]
 
@@ -203,6 +204,82 @@ def rest_left(
             status[k] = code
             q[k, Z] += meta[META_Z]
     buffer[0] = 0.0  # keep the buffer alive: `work` is an unowned view of it
+
+
+@njit
+def settle_bridged(
+    ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, out: Array, status: NDArray[np.uint8],
+    left: NDArray[np.int64],
+    start: int, stop: int,
+) -> None:  # fmt: skip
+    """Settle poses in contact mode again, on terrain whose missing data is bridged.
+
+    A search that finds no terrain in missing cells may fail where another pose lies over known terrain. The pose found here counts
+    if its treads lie over known terrain, where the bridged terrain is the terrain itself.
+
+    Args:
+        ground, rover: the packed terrain and rover.
+        x, y, yaw: (n,) position, m, and heading, rad.
+        steering: (n, 6) or (1, 6) steering angles, rad.
+        out: (n, 6) poses; written where one is found.
+        status: (n,) statuses; written where a pose is found.
+        left: (m,) indices of the poses to settle.
+        start, stop: range of `left` that this call settles.
+    """
+    buffer = np.empty(WORK_SIZE)
+    work, land, car, meta, q = lay_out(buffer), borrow(ground), unowned_view(rover), unowned_view(ground[2]), unowned_view(out)
+    trial, far = np.empty(6), reach(rover)
+    for n in range(start, stop):
+        k = left[n]
+        set_hub_offsets(car, steering[k if steering.shape[0] > 1 else 0], work.hub_offsets)
+        px, py, cy, sy = x[k] - meta[META_X], y[k] - meta[META_Y], math.cos(yaw[k]), math.sin(yaw[k])
+        i0, i1, j0, j1 = cells_around(land, px, py, far)
+        grid, missing = bridged_grid(land, i0, i1, j0, j1)
+        if 0 < missing < grid.size:
+            code = settle_contact(with_grid(land, grid, j0, i0), car, px, py, cy, sy, trial, work)
+            if (code == CONVERGED or code == JOINT_STOP) and covered(land, car, px, py, cy, sy, trial, False, work):
+                status[k], q[k] = code, trial
+                q[k, Z] += meta[META_Z]
+            grid[0, 0] = 0.0  # keep the grid alive: the bridged terrain is an unowned view of it
+    buffer[0] = 0.0
+
+
+@njit
+def rest_bridged(
+    ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, out: Array, status: NDArray[np.uint8],
+    report: Array, left: NDArray[np.int64],
+    start: int, stop: int,
+) -> None:  # fmt: skip
+    """Solve for equilibria again, on terrain whose missing data is bridged: as `settle_bridged`.
+
+    The pose found counts if its treads and the body's box lie over known terrain.
+
+    Args:
+        ground, rover: the packed terrain and rover.
+        x, y, yaw: (n,) position, m, and heading, rad.
+        steering: (n, 6) or (1, 6) steering angles, rad.
+        out: (n, 6) poses; written where one is found.
+        status: (n,) statuses; written where a pose is found.
+        report: (n, equilibrium.R_SIZE) forces and flags; written where a pose is found.
+        left: (m,) indices of the poses to solve for.
+        start, stop: range of `left` that this call solves for.
+    """
+    buffer = np.empty(WORK_SIZE)
+    work, land, car, meta, q = lay_out(buffer), borrow(ground), unowned_view(rover), unowned_view(ground[2]), unowned_view(out)
+    trial, forces, far = np.empty(6), np.empty(R_SIZE), reach(rover)
+    for n in range(start, stop):
+        k = left[n]
+        set_hub_offsets(car, steering[k if steering.shape[0] > 1 else 0], work.hub_offsets)
+        px, py, cy, sy = x[k] - meta[META_X], y[k] - meta[META_Y], math.cos(yaw[k]), math.sin(yaw[k])
+        i0, i1, j0, j1 = cells_around(land, px, py, far)
+        grid, missing = bridged_grid(land, i0, i1, j0, j1)
+        if 0 < missing < grid.size:
+            code = settle_equilibrium(with_grid(land, grid, j0, i0), car, px, py, cy, sy, trial, forces, work)
+            if not math.isnan(trial[Z]) and covered(land, car, px, py, cy, sy, trial, True, work):
+                status[k], q[k], report[k] = code, trial, forces
+                q[k, Z] += meta[META_Z]
+            grid[0, 0] = 0.0  # keep the grid alive: the bridged terrain is an unowned view of it
+    buffer[0] = 0.0
 
 
 @njit

@@ -47,6 +47,32 @@ def right_rocker(rover: Array, rho: float) -> tuple[float, float]:
 
 
 @njit
+def reach(rover: Array) -> float:
+    """Return a horizontal distance from the body's origin, m, that holds the whole rover in every pose.
+
+    Args:
+        rover: (P_SIZE,) packed rover.
+    """
+    farthest = math.sqrt(max(abs(rover[P_BOX]), abs(rover[P_BOX + 3])) ** 2
+                         + max(abs(rover[P_BOX + 1]), abs(rover[P_BOX + 4])) ** 2
+                         + max(abs(rover[P_BOX + 2]), abs(rover[P_BOX + 5])) ** 2)
+    for i in range(6):
+        side = i % 2
+        arm = _length(rover, P_PIVOT + 3 * side) + _length(rover, P_HUB + 3 * i)
+        if i >= 2:
+            arm += _length(rover, P_BOGIE_PIVOT + 3 * side)
+        arm += 2.0 * math.hypot(rover[P_OFFSET + 2 * i], rover[P_OFFSET + 2 * i + 1])
+        farthest = max(farthest, arm + math.hypot(rover[P_RADIUS + i], rover[P_HALF + i]))
+    return farthest
+
+
+@inlined
+def _length(rover: Array, at: int) -> float:
+    """Return the length of the vector (3,) at an offset of the packed rover, m."""
+    return math.sqrt(rover[at] ** 2 + rover[at + 1] ** 2 + rover[at + 2] ** 2)
+
+
+@njit
 def set_hub_offsets(rover: Array, steering: Array, hub_offsets: Array) -> None:
     """What steering alone decides: feet (6, 5) is hub from its pivot in the link (3), and cos, sin of the steering angle."""
     for i in range(6):

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from ..jit.decorators import inlined, njit
 from ..model.ground import Ground, surface
-from ..model.linkage import BOGIE_L, BOGIE_R, P_HUB, P_PIVOT, P_RADIUS, P_STOPS, ROCKER, Z, forward_kinematics, gap_jacobian_row
+from ..model.linkage import BOGIE_L, BOGIE_R, P_BOX, P_HUB, P_PIVOT, P_RADIUS, P_STOPS, ROCKER, Z, forward_kinematics, gap_jacobian_row
 from ..model.tolerances import MAX_STEP_ANGLE
 from ..model.wheel import COSINE, GAP, HX, HY, HZ, PLACE, RADIUS, SIN, contact_slope, tread_point
+from ..search.body_box import NEAR_ROOM, NEAR_SIZE, box_over_ground
 from ..search.tread import BLANK, FOUND, OFF, least_gap
 from ..search.workspace import Work
 
@@ -93,7 +94,7 @@ def move(q: Array, step: Array) -> None:
         q[k] += scale * step[k]
 
 
-@inlined
+@njit
 def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, work: Work) -> int:
     """Solve for six zero gaps by Newton's method from q, each gap over the whole tread.
 
@@ -182,7 +183,7 @@ def start_pose(ground: Ground, rover: Array, x: float, y: float, attempt: int, q
         q[k] = 2.0 * spread * (part - math.floor(part) - 0.5)
 
 
-@inlined
+@njit
 def settle_contact(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, work: Work) -> int:
     """Find a pose whose six gaps are zero, by Newton's method from a fixed sequence of starts.
 
@@ -229,3 +230,31 @@ def beyond_stops(rover: Array, q: Array) -> bool:
         if not rover[at] <= q[ROCKER + k] <= rover[at + 1]:
             return True
     return False
+
+
+@njit
+def covered(
+    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, with_box: bool, work: Work
+) -> bool:
+    """Return True if all treads of a pose, and the body's box if it matters, lie over known terrain.
+
+    Args:
+        ground: terrain.
+        rover: packed rover (linkage.py).
+        x, y: m, the body's reference point from the map's first node.
+        cy, sy: cos and sin of the heading.
+        q: (6,) pose.
+        with_box: True if the body's box matters.
+        work: scratch; work.hub_offsets holds the steering.
+    """
+    if not forward_kinematics(rover, work.hub_offsets, x, y, cy, sy, q, work.axes, work.pivots, work.wheels):
+        return False
+    for i in range(6):
+        code, _ = least_gap(ground, work.wheels[i], 0.0, 1.0, 0.0, True, -math.inf, work.lowest, work.none)
+        if code != FOUND:
+            return False
+    if not with_box:
+        return True
+    near = np.empty((NEAR_ROOM, NEAR_SIZE))
+    code, _ = box_over_ground(ground, rover[P_BOX : P_BOX + 6], work.axes, x, y, q[Z], 0.0, near)
+    return code == FOUND
