@@ -1,20 +1,23 @@
-"""Settled poses on grounds as sharp as the grid allows, each certified over the whole of every tread.
+"""Settled poses on terrain as sharp as its grid allows, each certified over the whole of every tread.
 
     python tests/prove_sharp.py [--poses 1000000] [--seed 0] [--mode contact] [--interpolation cubic] [--json out.json]
+    python tests/prove_sharp.py --table docs/settling.md run1.json run2.json ...
 
-For each family of grounds (sharp_grounds.py) and interpolation, prints how many poses were given and how many of these are
-wrong, by fault:
+The first form prints, for each family of terrain (sharp_grounds.py) and interpolation, how many poses were given and how many
+of these are wrong, by fault:
 
-    deep       a tread point is deeper than 1e-6 m in the ground
-    far        a wheel that touches is further than 1e-6 m from the ground
+    deep       a tread point is deeper than 1e-6 m below the terrain
+    far        a wheel that touches is further than 1e-6 m from the terrain
     gap        `pose.gap` is more than 1e-8 m outside its certified bracket
     clearance  `pose.clearance` is
-    belly      equilibrium: the box is deeper than 1e-6 m in the ground, or BELLY_CONTACT and further from it
+    belly      equilibrium: the box is deeper than 1e-6 m below the terrain, or BELLY_CONTACT and further from it
     lifted     equilibrium: a wheel that is marked as lifted touches
     no data    NO_DATA although the pose of the filled map is good on the map with missing data
     count      `pose.contact_count` differs from the contacts counted by dense sampling (a sample of poses)
 
-Progress lines state the seed reached: continue from it with --seed. The worst pose of each fault is printed as Python.
+Progress lines state the next seed: continue from it with --seed. The JSON file is written at each of them. The worst pose of each
+fault is printed as Python. The second form adds runs up and writes their table into a page, between the lines
+`<!-- sharp -->` and `<!-- end of sharp -->`.
 """
 
 from __future__ import annotations
@@ -29,10 +32,11 @@ from pathlib import Path
 import numpy as np
 
 import rockerbogie as rb
-from support.certified import FAULTS, judge
+from support.certified import FAULTS, LENGTHS, judge
 from support.sharp_grounds import FAMILIES, draw_case
 
 HOLED = 4  # one terrain in so many has missing data
+MARKS = ("<!-- sharp -->", "<!-- end of sharp -->")
 SNIPPET = """\
 import rockerbogie as rb
 from support.sharp_grounds import draw_case  # tests/
@@ -60,7 +64,9 @@ class Row:
     given: int = 0
     unproved: int = 0
     status: dict[str, int] = field(default_factory=dict)
+    counted: int = 0  # poses whose contacts were counted
     wrong: dict[str, int] = field(default_factory=lambda: dict.fromkeys(FAULTS, 0))
+    largest: dict[str, float] = field(default_factory=lambda: dict.fromkeys(LENGTHS, 0.0))  # m, wrong or not
     worst: dict[str, Worst] = field(default_factory=dict)
 
 
@@ -73,6 +79,8 @@ def prove_case(
     row.poses += count
     row.given += int(verdict.given.sum())
     row.unproved += verdict.unproved
+    row.counted += min(counted, int(verdict.given.sum()))
+    row.largest = {name: max(row.largest[name], verdict.worst[name]) for name in LENGTHS}
     for code, n in zip(*np.unique(pose.status, return_counts=True), strict=True):
         name = rb.Status(int(code)).name
         row.status[name] = row.status.get(name, 0) + int(n)
@@ -99,6 +107,47 @@ def table(rows: dict[tuple[str, str], Row]) -> str:
     return "\n".join(lines)
 
 
+def save(path: Path, rows: dict[tuple[str, str], Row], given: argparse.Namespace, seed: int) -> None:
+    """Write a run's rows, mode, batch and seeds (first, one past the last) as JSON."""
+    run = {"mode": given.mode, "batch": given.batch, "seeds": [given.seed, seed], "truth": given.truth}
+    path.write_text(json.dumps(run | {"rows": {" ".join(key): asdict(row) for key, row in rows.items()}}, indent=1))
+
+
+def summary(files: list[Path]) -> str:
+    """Return a Markdown table of the runs saved in files, added up by mode and interpolation, and the command of each."""
+    runs = [json.loads(path.read_text()) for path in files]
+    head = ["mode", "interpolation", "poses", "given", "brackets open", *FAULTS, *(f"largest {name}, m" for name in LENGTHS)]
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    for mode in ("contact", "equilibrium"):
+        for kind in ("cubic", "linear"):
+            rows = [row for run in runs if run["mode"] == mode for key, row in run["rows"].items() if key.endswith(f" {kind}")]
+            if not sum(row["poses"] for row in rows):
+                continue
+            poses, given, unproved, counted = (
+                sum(row[name] for row in rows) for name in ("poses", "given", "unproved", "counted")
+            )
+            wrong = {fault: str(sum(row["wrong"][fault] for row in rows)) for fault in FAULTS}
+            wrong["count"] += f" of {counted:,}"
+            if mode == "contact":
+                wrong["belly"] = wrong["lifted"] = "–"
+            largest = [f"{max(row['largest'][name] for row in rows):.1e}" for name in LENGTHS]
+            cells = [mode, kind, f"{poses:,}", f"{given:,}", str(unproved), *wrong.values(), *largest]
+            lines.append("| " + " | ".join(cells) + " |")
+    commands = [
+        f"`python tests/prove_sharp.py --mode {run['mode']} --batch {run['batch']} --seed {run['seeds'][0]}` to seed "
+        f"{run['seeds'][1] - 1}"
+        for run in runs
+    ]
+    return "\n".join([*lines, "", "Runs: " + "; ".join(commands) + "."])
+
+
+def write_table(page: Path, files: list[Path]) -> None:
+    """Write the summary of runs into a page, between its marks."""
+    before, rest = page.read_text().split(MARKS[0], 1)
+    _, after = rest.split(MARKS[1], 1)
+    page.write_text(f"{before}{MARKS[0]}\n{summary(files)}\n{MARKS[1]}{after}")
+
+
 def main() -> int:
     """Run the draws and print the table; exit status 1 if any pose is wrong."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -113,21 +162,26 @@ def main() -> int:
     default = "verify" if hasattr(rb, "verify") else "oracle"
     parser.add_argument("--truth", choices=("verify", "oracle"), default=default, help="what brackets gaps and clearance")
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--table", type=Path, nargs="+", help="a page, and the JSON files of runs to write into it")
     given = parser.parse_args()
+    if given.table:
+        write_table(given.table[0], given.table[1:])
+        return 0
     kinds, families = given.interpolation or ["cubic", "linear"], given.family or FAMILIES
     rows = {(family, kind): Row() for family in families for kind in kinds}
-    seed, began, told = given.seed, time.perf_counter(), time.perf_counter()
+    seed, began, reported = given.seed, time.perf_counter(), time.perf_counter()
     while sum(row.poses for row in rows.values()) < given.poses and time.perf_counter() - began < given.seconds:
         for (family, kind), row in rows.items():
             prove_case(row, seed, family, kind, given.batch, seed % HOLED == HOLED - 1, given.mode, given.counted, given.truth)
         seed += 1
-        if time.perf_counter() - told > 20:
-            told = time.perf_counter()
+        if time.perf_counter() - reported > 20:
+            reported = time.perf_counter()
             done = sum(row.poses for row in rows.values())
             wrong = {f: n for f in FAULTS if (n := sum(row.wrong[f] for row in rows.values()))}
-            print(
-                f"{told - began:7.0f} s  {done:9} poses, next seed {seed}, wrong: {wrong or 'none'}", file=sys.stderr, flush=True
-            )
+            progress = f"{reported - began:7.0f} s  {done:9} poses, next seed {seed}, wrong: {wrong or 'none'}"
+            print(progress, file=sys.stderr, flush=True)
+            if given.json:
+                save(given.json, rows, given, seed)
     print(table(rows))
     took = time.perf_counter() - began
     print(f"mode {given.mode}, seeds {given.seed}..{seed - 1}, batch {given.batch}, {took:.0f} s, brackets by {given.truth}")
@@ -137,7 +191,7 @@ def main() -> int:
             value, key, worst = max(found, key=lambda one: one[0])
             print(f"\nworst {fault}: {value:.3g} on {' '.join(key)}, {worst.rover}, {worst.status}\n{worst.snippet}")
     if given.json:
-        given.json.write_text(json.dumps({" ".join(key): asdict(row) for key, row in rows.items()}, indent=1))
+        save(given.json, rows, given, seed)
     return int(any(n for row in rows.values() for n in row.wrong.values()))
 
 

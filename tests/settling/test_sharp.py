@@ -10,8 +10,9 @@ from hypothesis import HealthCheck, given, settings, target
 from hypothesis import strategies as st
 
 import rockerbogie as rb
+from rockerbogie.terrain.heightfield import crop
 from support.certified import FAULTS, certify, faults_of, judge, some
-from support.sharp_grounds import FAMILIES, Case, draw_case, spline_nodes
+from support.sharp_grounds import FAMILIES, Case, draw_case, reach, spline_nodes
 
 SEEDS = (0, 3)  # of the second, the terrain has missing data
 
@@ -133,3 +134,84 @@ def test_missing_data_met_on_the_way_is_no_reason_to_refuse(k: int) -> None:
     check = rb.verify(pose)
     assert check.known.all()
     assert check.passes(1e-6)
+
+
+@pytest.mark.parametrize("k", [92, 427])
+def test_pose_over_known_terrain_is_found_with_missing_data_bridged(k: int) -> None:
+    """On these plateaus, every start that converges on the map itself leads to a pose over missing data."""
+    case = draw_case(1011, "plateaus", "linear", 500, holes=True)
+    place = {"yaw": case.yaw[k], "steering": case.steering[k]}
+    pose = rb.settle(case.rover, case.terrain, case.x[k], case.y[k], **place)
+    assert pose.status == rb.Status.CONVERGED
+    assert rb.verify(pose).passes(1e-6)
+    # A window of the map gives the same bits.
+    span, (dx, dy) = reach(case.rover) + 0.5, case.terrain.spacing
+    (col, row), (cols, rows) = (
+        tuple(int((v - o) / d) for v, o, d in zip(at, case.terrain.origin, (dx, dy), strict=True))
+        for at in ((case.x[k] - span, case.y[k] - span), (case.x[k] + span, case.y[k] + span))
+    )
+    shape = case.terrain.z.shape
+    window = crop(case.terrain, (max(row, 0), min(rows, shape[0])), (max(col, 0), min(cols, shape[1])))
+    assert window.z.size < case.terrain.z.size
+    assert (rb.settle(case.rover, window, case.x[k], case.y[k], **place).q == pose.q).all()
+
+
+def test_bridged_pose_over_missing_data_is_refused() -> None:
+    """A pose of which a tread lies over missing data is NO_DATA, whatever is found on the bridged terrain."""
+    z = np.zeros((60, 60))
+    z[28:32, 28:32] = np.nan
+    rover = rb.load_rover("curiosity")
+    x, y = (-hub for hub in rover.hubs[0, :2])  # the wheel's hub is at 0, 0
+    for interpolation in ("linear", "cubic"):
+        for mode in ("contact", "equilibrium"):
+            terrain = rb.Terrain.from_array(z, 0.25, (-7.375, -7.375), interpolation)
+            assert rb.settle(rover, terrain, x, y, mode=mode).status == rb.Status.NO_DATA
+
+
+DITCHES = [  # spacing, m; distance of the ditches, nodes
+    (0.01, 60),
+    (0.01, 7),
+    (0.004, 3),  # more contacts than a solver keeps
+]
+
+
+@pytest.mark.parametrize("dx, period", DITCHES)
+def test_contacts_between_ditches_are_counted(dx: float, period: int) -> None:
+    """On a plane with ditches of 1 cm across the axle, each piece of plane under a tread is one contact."""
+    rover = rb.load_rover("curiosity")
+    columns = np.arange(-int(2.5 / dx), int(2.5 / dx) + 1)
+    ditch = columns % period == 0
+    terrain = rb.Terrain.from_array(np.where(ditch, -0.01, 0.0) + np.zeros((11, 1)), (dx, 0.6), (columns[0] * dx, -3.0), "linear")
+    x = np.linspace(-0.1013, 0.0987, 9)  # no tread ends at the edge of a ditch
+    pose = rb.settle(rover, terrain, x, 0.0, np.pi / 2)
+    assert (pose.status == rb.Status.CONVERGED).all()
+    assert abs(pose.z - pose.z[0]).max() < 1e-9
+    hub = x[:, None] - rover.hubs[:, 1]  # heading +y, the left side is at lower x
+    expected = np.zeros(hub.shape, dtype=int)
+    for c in columns[ditch][:-1] * dx:  # the plane from one ditch to the next
+        low, high = np.maximum(hub - rover.wheel_width / 2, c + dx), np.minimum(hub + rover.wheel_width / 2, c + (period - 1) * dx)
+        expected += low <= high
+    assert expected.max() > 1
+    np.testing.assert_array_equal(pose.contact_count, expected)
+
+
+def test_contacts_on_one_wheel_are_counted_when_nodes_are_lowered() -> None:
+    """Of two contacts on a plane, the middle of the line between may touch although parts of it do not."""
+    case = draw_case(13, "nodes", "linear", 500)
+    pose = rb.settle(case.rover, case.terrain, case.x[0], case.y[0], case.yaw[0], steering=case.steering[0])
+    assert pose.contact_count.tolist() == [1, 2, 1, 2, 1, 1]
+
+
+def test_contacts_closer_than_a_tenth_of_a_radius_are_counted() -> None:
+    """Peaks that each touch, found once for each cell around them, are as many contacts."""
+    rover = rb.load_rover("curiosity")
+    radius, dx = float(rover.wheel_radius[0]), 0.01
+    z = np.zeros((400, 400))
+    for hub in rover.hubs[:, :2]:
+        for n in (-2, 0, 2):  # along the axle
+            z[200 + round(hub[1] / dx) + n, 200 + round(hub[0] / dx)] = 0.005
+    assert 2 * dx < 0.1 * radius
+    terrain = rb.Terrain.from_array(z, dx, (-200 * dx, -200 * dx), "linear")
+    pose = rb.settle(rover, terrain, 0.0, 0.0)
+    assert pose.status == rb.Status.CONVERGED
+    assert (pose.contact_count == 3).all()

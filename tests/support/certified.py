@@ -19,6 +19,7 @@ Mask = NDArray[np.bool_]
 TOLERANCE = 1e-6
 #: `pose.gap` and `pose.clearance` agree with the brackets to this, m.
 AGREES = 1e-8
+LENGTHS = ("deep", "far", "gap", "clearance")  # faults that are lengths: `errors_of`
 FAULTS = ("deep", "far", "gap", "clearance", "belly", "lifted", "no data", "count")
 
 
@@ -127,52 +128,74 @@ def some(pose: rb.Pose, at: NDArray[np.int64] | Mask) -> rb.Pose:
 
 @dataclass
 class Verdict:
-    """By fault, how bad each pose (n,) is: 0 if right, in m where it is a length; and which poses were given (n,)."""
+    """Outcome of one case: which poses (n,) were given, and what is wrong with them."""
 
     given: Mask
-    bad: dict[str, Array]
+    bad: dict[str, Array]  # by fault, its size for each pose (n,): 0 if right, m where it is a length
     unproved: int  # brackets that did not close
+    worst: dict[str, float]  # by length, its largest value over the given poses, m, wrong or not: `errors_of`
 
 
 def judge(case: Case, mode: str, counted: int = 0, truth: str = "") -> tuple[rb.Pose, Verdict]:
-    """Settle a case in a mode and look for every fault; contacts are counted in the first `counted` poses given."""
+    """Settle a case and look for every fault.
+
+    Args:
+        case: terrain, rover and positions (n,).
+        mode: "contact" or "equilibrium".
+        counted: number of given poses, from the first on, whose contacts are counted.
+        truth: as `certify` takes it.
+
+    Returns:
+        The poses (n,) and the verdict on them.
+    """
     pose = case.settle(mode)
     given = np.isfinite(pose.z)
     if mode == "contact":
         given &= np.isin(pose.status, (rb.Status.CONVERGED, rb.Status.JOINT_STOP))
     n = pose.status.size
     bad = {name: np.zeros(n) for name in FAULTS}
-    unproved = 0
+    unproved, worst = 0, dict.fromkeys(LENGTHS, 0.0)
     at = np.flatnonzero(given)
     if at.size:
         settled = some(pose, at)
         bracket = certify(settled, truth)
         unproved = int((~bracket.complete).sum())
+        errors = errors_of(settled, bracket)
+        worst = {name: float(errors[name].max()) for name in LENGTHS}
         for name, values in faults_of(settled, bracket).items():
             bad[name][at] = values
         if counted:
             bad["count"][at[:counted]] = wrong_counts(some(settled, np.arange(min(counted, at.size))))
     if np.isnan(case.terrain.z).any():
         bad["no data"] = false_no_data(case, pose, mode, truth)
-    return pose, Verdict(given, bad, unproved)
+    return pose, Verdict(given, bad, unproved, worst)
 
 
-def faults_of(pose: rb.Pose, b: Bracket) -> dict[str, Array]:
-    """Return by fault how far each given pose (n,) is off, m, 0 where it is right.
+def errors_of(pose: rb.Pose, b: Bracket) -> dict[str, Array]:
+    """Return by name in LENGTHS how far each given pose (n,) is off, m, at least: 0 if a bracket allows 0, inf if one is NaN.
 
-    A value counts as wrong only if the whole bracket lies beyond the tolerance.
+    deep: depth of the deepest tread below the terrain; far: largest gap of a wheel that touches; gap and clearance: distance of
+    `pose.gap` and `pose.clearance` from their brackets.
     """
-    resting = pose.report is not None
-    lifted = pose.wheel_lifted
-    out = {
-        "deep": beyond(np.where(np.isfinite(b.gap_high), -b.gap_high, 0.0), TOLERANCE).max(axis=1),
-        "far": np.where(lifted, 0.0, beyond(b.gap_low, TOLERANCE)).max(axis=1),
+    return {
+        "deep": np.fmax(np.where(np.isfinite(b.gap_high), -b.gap_high, 0.0), 0.0).max(axis=1),
+        "far": np.where(pose.wheel_lifted, 0.0, np.fmax(b.gap_low, 0.0)).max(axis=1),
         "gap": outside(pose.gap, b.gap_low, b.gap_high).max(axis=1),
         "clearance": outside(pose.clearance, b.clearance_low, b.clearance_high),
     }
+
+
+def faults_of(pose: rb.Pose, b: Bracket) -> dict[str, Array]:
+    """Return by fault its size for each given pose (n,), m, 0 where the pose is right.
+
+    A value is wrong only if the whole bracket lies beyond the tolerance.
+    """
+    errors, lifted = errors_of(pose, b), pose.wheel_lifted
+    limits = {"deep": TOLERANCE, "far": TOLERANCE, "gap": AGREES, "clearance": AGREES}
+    out = {name: beyond(value, limits[name]) for name, value in errors.items()}
     # A tread over missing data has no gap: such a pose must not be given.
     out["gap"] = np.where(b.known.all(axis=1), out["gap"], np.inf)
-    if resting:
+    if pose.report is not None:
         on_belly = pose.status == rb.Status.BELLY_CONTACT
         out["belly"] = beyond(-b.clearance_high, TOLERANCE) + np.where(on_belly, beyond(b.clearance_low, TOLERANCE), 0.0)
         out["lifted"] = np.where(lifted, beyond(0.9 * TOLERANCE - b.gap_high, 0.0), 0.0).max(axis=1)
@@ -185,10 +208,9 @@ def beyond(value: Array, limit: float) -> Array:
 
 
 def outside(value: Array, low: Array, high: Array) -> Array:
-    """Return the distance of `value` from [low, high] where it exceeds AGREES, else 0; inf where only one is NaN."""
+    """Return the distance of `value` from [low, high]; 0 where both are NaN, inf where only one is."""
     with np.errstate(invalid="ignore"):
         off = np.fmax(np.fmax(low - value, value - high), 0.0)
-    off = np.where(off > AGREES, off, 0.0)
     off = np.where(np.isnan(value) & np.isnan(high), 0.0, off)
     return np.where(np.isnan(value) != np.isnan(high), np.inf, off)
 
