@@ -189,7 +189,10 @@ def test_contacts_between_ditches_are_counted(dx: float, period: int) -> None:
     hub = x[:, None] - rover.hubs[:, 1]  # heading +y, the left side is at lower x
     expected = np.zeros(hub.shape, dtype=int)
     for c in columns[ditch][:-1] * dx:  # the plane from one ditch to the next
-        low, high = np.maximum(hub - rover.wheel_width / 2, c + dx), np.minimum(hub + rover.wheel_width / 2, c + (period - 1) * dx)
+        low, high = (
+            np.maximum(hub - rover.wheel_width / 2, c + dx),
+            np.minimum(hub + rover.wheel_width / 2, c + (period - 1) * dx),
+        )
         expected += low <= high
     assert expected.max() > 1
     np.testing.assert_array_equal(pose.contact_count, expected)

@@ -12,7 +12,21 @@ from .jit.raw_views import unowned_view
 from .model.bridge import bridged_grid, cells_around, with_grid
 from .model.ground import META_X, META_Y, META_Z, Ground, borrow
 from .model.linkage import P_BOX, PITCH, ROLL, Z, body_axes, forward_kinematics, reach, set_hub_offsets
-from .model.wheel import CONTACT_SIZE, COSINE, GAP, HALF, HX, HY, HZ, PLACE, SIN, contact_angle, contact_slope, gap_at, tread_point
+from .model.wheel import (
+    CONTACT_SIZE,
+    COSINE,
+    GAP,
+    HALF,
+    HX,
+    HY,
+    HZ,
+    PLACE,
+    SIN,
+    contact_angle,
+    contact_slope,
+    gap_at,
+    tread_point,
+)
 from .search.body_box import NEAR_ROOM, NEAR_SIZE, box_over_ground, least_clearance
 from .search.tread import FOUND, count_contacts, least_gap
 from .search.verify_minimum import LEAST
@@ -214,8 +228,8 @@ def settle_bridged(
 ) -> None:  # fmt: skip
     """Settle poses in contact mode again, on terrain whose missing data is bridged.
 
-    A search that finds no terrain in missing cells may fail where another pose lies over known terrain. The pose found here counts
-    if its treads lie over known terrain, where the bridged terrain is the terrain itself.
+    A search that finds no terrain in missing cells may fail where another pose lies over known terrain. The pose found here
+    counts if its treads lie over known terrain, where the bridged terrain is the terrain itself.
 
     Args:
         ground, rover: the packed terrain and rover.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from .._kernels import batch
 from .._kernels.jit.parallel import parallel_for
+from .._kernels.model.ground import META_MAX_CURVATURE, META_STEEP
 from ..arrays import Array
 from ..rover.model import Rover
 from ..terrain.heightfield import Terrain
@@ -70,6 +71,7 @@ def _contact_cubic(poses: Batch) -> None:
     """Solve in contact mode on cubic terrain: SIMD lanes, then the scalar engine for the rest."""
     parallel_for(batch.settle_cubic, poses.status.size, *_inputs(poses))
     _contact_left(poses)
+    _contact_bridged(poses)
 
 
 def _contact_linear(poses: Batch) -> None:
@@ -77,6 +79,7 @@ def _contact_linear(poses: Batch) -> None:
     order = _by_heading(poses.yaw) if poses.rover.wheel_width.any() else np.arange(poses.status.size)
     parallel_for(batch.settle_linear, poses.status.size, *_inputs(poses), order)
     _contact_left(poses)
+    _contact_bridged(poses)
 
 
 def _contact_left(poses: Batch) -> None:
@@ -89,6 +92,14 @@ def _contact_left(poses: Batch) -> None:
 def _contact_scalar(poses: Batch) -> None:
     """Solve every pose in contact mode by itself."""
     parallel_for(batch.settle_left, poses.status.size, *_inputs(poses), np.arange(poses.status.size))
+    _contact_bridged(poses)
+
+
+def _contact_bridged(poses: Batch) -> None:
+    """Solve again, with missing data bridged, for the poses without one over known terrain."""
+    left = _refused(poses)
+    if left.size > 0:
+        parallel_for(batch.settle_bridged, left.size, *_inputs(poses), left)
 
 
 def _equilibrium(poses: Batch) -> None:
@@ -99,6 +110,17 @@ def _equilibrium(poses: Batch) -> None:
     if left.size > 0:
         parallel_for(batch.settle_left, left.size, *inputs[:-1], poses.status.copy(), left)
         parallel_for(batch.rest_left, left.size, *inputs, poses.report, left)
+    left = _refused(poses)
+    if left.size > 0:
+        parallel_for(batch.rest_bridged, left.size, *inputs, poses.report, left)
+
+
+def _refused(poses: Batch) -> NDArray[np.int64]:
+    """Return the indices (m,) of poses that may be refused because of missing data; none on a map without."""
+    meta = poses.terrain.meta  # of each kind, one bound is infinite if data is missing
+    if np.isfinite(meta[META_MAX_CURVATURE if poses.terrain.interpolation == "cubic" else META_STEEP]):
+        return np.empty(0, dtype=np.int64)
+    return np.flatnonzero(np.isin(poses.status, (Status.NO_DATA, Status.NOT_CONVERGED, Status.TIPPED)))
 
 
 def _inputs(poses: Batch) -> tuple[object, ...]:

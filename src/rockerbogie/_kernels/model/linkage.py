@@ -53,9 +53,11 @@ def reach(rover: Array) -> float:
     Args:
         rover: (P_SIZE,) packed rover.
     """
-    farthest = math.sqrt(max(abs(rover[P_BOX]), abs(rover[P_BOX + 3])) ** 2
-                         + max(abs(rover[P_BOX + 1]), abs(rover[P_BOX + 4])) ** 2
-                         + max(abs(rover[P_BOX + 2]), abs(rover[P_BOX + 5])) ** 2)
+    farthest = math.sqrt(
+        max(abs(rover[P_BOX]), abs(rover[P_BOX + 3])) ** 2
+        + max(abs(rover[P_BOX + 1]), abs(rover[P_BOX + 4])) ** 2
+        + max(abs(rover[P_BOX + 2]), abs(rover[P_BOX + 5])) ** 2
+    )
     for i in range(6):
         side = i % 2
         arm = _length(rover, P_PIVOT + 3 * side) + _length(rover, P_HUB + 3 * i)

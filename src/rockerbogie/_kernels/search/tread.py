@@ -360,8 +360,8 @@ def _is_minimum(ground: Ground, w: Array, a: Array) -> bool:
 def _joined(ground: Ground, w: Array, a: Array, b: Array, keep: float) -> bool:
     """Return True if the gap is at most `keep` along the straight line between two contacts in (φ, s).
 
-    The gap is computed in steps of 1 / STEPS_PER_CELL of a cell. Where a step leaves its cell through two sides, the piece over the
-    cell between is computed too.
+    The gap is computed in steps of 1 / STEPS_PER_CELL of a cell. Where a step crosses a grid line of both axes, the
+    piece over the cell between is computed too.
 
     Args:
         ground: terrain.

@@ -9,7 +9,19 @@ from numpy.typing import NDArray
 
 from ..jit.decorators import inlined, njit
 from ..model.ground import Ground, surface
-from ..model.linkage import BOGIE_L, BOGIE_R, P_BOX, P_HUB, P_PIVOT, P_RADIUS, P_STOPS, ROCKER, Z, forward_kinematics, gap_jacobian_row
+from ..model.linkage import (
+    BOGIE_L,
+    BOGIE_R,
+    P_BOX,
+    P_HUB,
+    P_PIVOT,
+    P_RADIUS,
+    P_STOPS,
+    ROCKER,
+    Z,
+    forward_kinematics,
+    gap_jacobian_row,
+)
 from ..model.tolerances import MAX_STEP_ANGLE
 from ..model.wheel import COSINE, GAP, HX, HY, HZ, PLACE, RADIUS, SIN, contact_slope, tread_point
 from ..search.body_box import NEAR_ROOM, NEAR_SIZE, box_over_ground
@@ -233,9 +245,7 @@ def beyond_stops(rover: Array, q: Array) -> bool:
 
 
 @njit
-def covered(
-    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, with_box: bool, work: Work
-) -> bool:
+def covered(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, with_box: bool, work: Work) -> bool:
     """Return True if all treads of a pose, and the body's box if it matters, lie over known terrain.
 
     Args:
