@@ -1,4 +1,4 @@
-"""Three hundred poses of three rovers on solids, on fields, and with close stops, against MuJoCo at rest. Run by hand:
+"""Equilibria of three rovers against MuJoCo: on solids, on fields, and with close joint limits.
 
 python tests/prove_rest.py [poses] [rover ...]
 """
@@ -28,7 +28,7 @@ def main(poses: int, rovers: list[str]) -> None:
             shares = (
                 f"alike {a.share:7.2%} of {poses}, else {a.marginal} marginal, {left} not; a rest of both {a.share_of_rests:7.2%}"
             )
-            kinds = f"{a.lifted} with a wheel in the air, {a.stopped} on a stop"
+            kinds = f"{a.lifted} with a wheel off the ground, {a.stopped} on a stop"
             angles = "roll {:.4f} pitch {:.4f} rocker {:.4f} bogies {:.4f} {:.4f} deg".format(*rms)
             z = 1e3 * np.sqrt((a.z**2).mean())
             print(f"{name:14s} {label:12s} {shares} ({kinds})  RMS {angles}, z {z:.3f} mm", flush=True)

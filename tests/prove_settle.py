@@ -1,4 +1,4 @@
-"""Settled poses on rock fields and a Mars yard, each proved by the oracle over the whole of every tread.
+"""Settled poses on rock fields and a Mars yard, against the oracle.
 
     python tests/prove_settle.py [--poses 10000] [--mode contact] [--rover perseverance] [--ground k=20%]
 
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 ROVERS = ("elhami-dashti", "perseverance", "rocky7")
 #: No tread point further under the ground than this, and each touching wheel within it, m.
 TOLERANCE = 1e-6
-#: In contact mode six wheels touch where these are said; beyond a stop no rover can stand so, but the gaps are nought.
+#: Statuses of contact mode for which the six gaps are 0.
 TOUCHING = (rb.Status.CONVERGED, rb.Status.JOINT_STOP)
 SLACK = 1e-8  # the oracle's bracket, m
 CHUNK = 500  # poses proved at once
@@ -62,7 +62,7 @@ def draw(terrain: rb.Terrain, rover: rb.Rover, count: int, seed: int) -> tuple[A
 
 @dataclass
 class Proof:
-    """What became of a batch: how many got each status, and the oracle's gaps (n, 6) of those that settled."""
+    """Return a batch's counts by status, and the oracle's gaps (n, 6) of those that settled."""
 
     status: NDArray[np.int64]
     gap: Array
@@ -91,7 +91,7 @@ def prove(pose: rb.Pose) -> Proof:
 
 @dataclass
 class RestProof:
-    """What became of a batch at rest: how many got each status, and what is wrong with each pose that was given, if anything."""
+    """Return a batch's counts by status in equilibrium mode, and what is wrong with each pose."""
 
     status: NDArray[np.int64]
     wrong: list[str]

@@ -1,4 +1,4 @@
-"""Settled poses on terrain as sharp as its grid allows, each certified over the whole of every tread.
+"""Certified poses on terrain as sharp as its grid allows.
 
     python tests/prove_sharp.py [--poses 1000000] [--seed 0] [--mode contact] [--interpolation cubic] [--json out.json]
     python tests/prove_sharp.py --table docs/settling.md run1.json run2.json ...
@@ -114,7 +114,7 @@ def save(path: Path, rows: dict[tuple[str, str], Row], given: argparse.Namespace
 
 
 def summary(files: list[Path]) -> str:
-    """Return a Markdown table of the runs saved in files, added up by mode and interpolation, and the command of each."""
+    """Return a Markdown table of runs, by mode and interpolation, and their commands."""
     runs = [json.loads(path.read_text()) for path in files]
     head = ["mode", "interpolation", "poses", "given", "brackets open", *FAULTS, *(f"largest {name}, m" for name in LENGTHS)]
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]

@@ -71,7 +71,9 @@ def worst_of(case: Case, mode: str) -> Found | None:
 
 
 def second_contact(pose: rb.Pose) -> Array:
-    """Return −log10 of the lowest second minimum (n,) of a tread, relative to its radius and at least 1 % of it away."""
+    """Return −log10 of the second lowest minimum (n,) of a tread.
+
+    It is relative to the radius and at least 1 % of it away."""
     found = sampled.tread_minima(pose, per_cell=2.0)
     radius = np.tile(pose.rover.wheel_radius, pose.status.size)[:, None]
     apart = abs(found.phi - found.phi[:, :1]) * radius + abs(found.s - found.s[:, :1])
@@ -81,7 +83,9 @@ def second_contact(pose: rb.Pose) -> Array:
 
 
 def vary(found: Found, rng: np.random.Generator) -> Case:
-    """Return a case of BATCH places near the worst one, on the same heights or on heights changed near its contacts."""
+    """Return a case of BATCH places near the worst one.
+
+    The heights are the same, or changed near its contacts."""
     case, k = found.case, found.k
     terrain = case.terrain
     cell = np.array(terrain.spacing)
@@ -96,7 +100,7 @@ def vary(found: Found, rng: np.random.Generator) -> Case:
 
 
 def changed(case: Case, k: int, rng: np.random.Generator) -> rb.Terrain:
-    """Return the terrain with one to three bumps of spline coefficients, or single nodes, changed near a wheel of place k."""
+    """Return the terrain with one to three bumps near a wheel of place k."""
     terrain, rover = case.terrain, case.rover
     z = terrain.z.copy()
     (dx, dy), (x0, y0) = terrain.spacing, terrain.origin
@@ -114,7 +118,7 @@ def changed(case: Case, k: int, rng: np.random.Generator) -> rb.Terrain:
 
 
 def search(rng: np.random.Generator, interpolation: str, mode: str, deadline: float) -> tuple[Found | None, int]:
-    """Run one restart until it stops to improve or time is up; return the worst pose and the poses settled."""
+    """Run one restart; return the worst pose and the number of poses settled."""
     family = str(rng.choice([f for f in FAMILIES if f != "noise"]))
     best = worst_of(draw_case(int(rng.integers(1 << 30)), family, interpolation, BATCH), mode)  # type: ignore[arg-type]
     poses, idle = BATCH, 0

@@ -39,8 +39,8 @@ def test_cell_derivative_bounds_contain_the_derivatives(seed: int) -> None:
     dx, dy = rng.uniform(0.1, 2.0, 2)
     noise = rng.choice([0.01, 1.0])  # little of it: all rows, and all columns, are alike
     c = noise * rng.normal(size=(4, 4)) + rng.normal(size=(4, 1)) + rng.normal(size=(1, 4))
-    bends = np.empty(cubic_cell.BENDS_SIZE)
-    assert cubic_cell.cell_bends(c, 0, 0, dx, dy, bends)
+    bends = np.empty(cubic_cell.DERIVATIVES_SIZE)
+    assert cubic_cell.derivative_bounds(c, 0, 0, dx, dy, bends)
     for name, order in ORDERS.items():
         values = sampled(c, order, dx, dy)
         at = getattr(cubic_cell, name)
@@ -55,15 +55,15 @@ def test_cell_derivative_bounds_contain_the_derivatives(seed: int) -> None:
 @pytest.mark.nojit
 def test_third_derivative_bound_of_a_plane_and_of_a_cubic() -> None:
     """A plane has no third derivative, whatever its slope; x³ / 6 has 1."""
-    bends = np.empty(cubic_cell.BENDS_SIZE)
+    bends = np.empty(cubic_cell.DERIVATIVES_SIZE)
     row, col = np.mgrid[:4, :4].astype(float)
-    assert cubic_cell.cell_bends(3.0 * col - 2.0 * row + 5.0, 0, 0, 0.5, 0.25, bends)
+    assert cubic_cell.derivative_bounds(3.0 * col - 2.0 * row + 5.0, 0, 0, 0.5, 0.25, bends)
     np.testing.assert_allclose(bends, 0.0, atol=1e-12)
     # the cubic x³ / 6 sampled at k - 1 has B-spline coefficients (t³ - t) / 6
     t = col - 1.0
-    assert cubic_cell.cell_bends((t**3 - t) / 6.0, 0, 0, 1.0, 1.0, bends)
+    assert cubic_cell.derivative_bounds((t**3 - t) / 6.0, 0, 0, 1.0, 1.0, bends)
     np.testing.assert_allclose(bends[cubic_cell.XXX], 1.0, atol=1e-12)
-    assert cubic_cell.cell_bends(((t**3 - t) / 6.0).T.copy(), 0, 0, 1.0, 1.0, bends)
+    assert cubic_cell.derivative_bounds(((t**3 - t) / 6.0).T.copy(), 0, 0, 1.0, 1.0, bends)
     np.testing.assert_allclose(bends[cubic_cell.YYY], 1.0, atol=1e-12)
 
 
@@ -89,8 +89,8 @@ def test_curvature_bound_along_a_rim(seed: int) -> None:
     w, _, half = some_wheel(rng)
     w[wheel.HX] += 2.0  # all of the tread lies over the one cell
     w[wheel.HY] += 2.0
-    bends = np.empty(cubic_cell.BENDS_SIZE)
-    assert cubic_cell.cell_bends(c, 0, 0, 4.0, 4.0, bends)
+    bends = np.empty(cubic_cell.DERIVATIVES_SIZE)
+    assert cubic_cell.derivative_bounds(c, 0, 0, 4.0, 4.0, bends)
     for low in (rng.uniform(-1.5, 0.5), rng.uniform(1.6, 3.0)):
         high = low + rng.choice([0.01, 0.3, 1.0, 1.6])
         _, _, _, gx, gy = cubic_cell._along(c, meta, w, low, half)

@@ -138,7 +138,7 @@ def test_missing_data_met_on_the_way_is_no_reason_to_refuse(k: int) -> None:
 
 @pytest.mark.parametrize("k", [92, 427])
 def test_pose_over_known_terrain_is_found_with_missing_data_bridged(k: int) -> None:
-    """On these plateaus, every start that converges on the map itself leads to a pose over missing data."""
+    """Each start that converges on the map itself leads to a pose over missing data."""
     case = draw_case(1011, "plateaus", "linear", 500, holes=True)
     place = {"yaw": case.yaw[k], "steering": case.steering[k]}
     pose = rb.settle(case.rover, case.terrain, case.x[k], case.y[k], **place)
@@ -157,7 +157,7 @@ def test_pose_over_known_terrain_is_found_with_missing_data_bridged(k: int) -> N
 
 
 def test_bridged_pose_over_missing_data_is_refused() -> None:
-    """A pose of which a tread lies over missing data is NO_DATA, whatever is found on the bridged terrain."""
+    """A pose with a tread over missing data is NO_DATA."""
     z = np.zeros((60, 60))
     z[28:32, 28:32] = np.nan
     rover = rb.load_rover("curiosity")
@@ -177,7 +177,7 @@ DITCHES = [  # spacing, m; distance of the ditches, nodes
 
 @pytest.mark.parametrize("dx, period", DITCHES)
 def test_contacts_between_ditches_are_counted(dx: float, period: int) -> None:
-    """On a plane with ditches of 1 cm across the axle, each piece of plane under a tread is one contact."""
+    """Each piece of plane under a tread, between ditches across the axle, is one contact."""
     rover = rb.load_rover("curiosity")
     columns = np.arange(-int(2.5 / dx), int(2.5 / dx) + 1)
     ditch = columns % period == 0
@@ -199,7 +199,7 @@ def test_contacts_between_ditches_are_counted(dx: float, period: int) -> None:
 
 
 def test_contacts_on_one_wheel_are_counted_when_nodes_are_lowered() -> None:
-    """Of two contacts on a plane, the middle of the line between may touch although parts of it do not."""
+    """The middle of the line between two contacts may touch although parts of it do not."""
     case = draw_case(13, "nodes", "linear", 500)
     pose = rb.settle(case.rover, case.terrain, case.x[0], case.y[0], case.yaw[0], steering=case.steering[0])
     assert pose.contact_count.tolist() == [1, 2, 1, 2, 1, 1]

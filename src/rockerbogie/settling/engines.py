@@ -116,7 +116,9 @@ def _equilibrium(poses: Batch) -> None:
 
 
 def _refused(poses: Batch) -> NDArray[np.int64]:
-    """Return the indices (m,) of poses that may be refused because of missing data; none on a map without."""
+    """Return the indices (m,) of poses that missing data may have refused.
+
+    There are none on a map without missing data."""
     meta = poses.terrain.meta  # of each kind, one bound is infinite if data is missing
     if np.isfinite(meta[META_MAX_CURVATURE if poses.terrain.interpolation == "cubic" else META_STEEP]):
         return np.empty(0, dtype=np.int64)

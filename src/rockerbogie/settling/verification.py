@@ -1,4 +1,4 @@
-"""Verification of poses: a certified bracket of every wheel's gap and of the body's clearance."""
+"""Verification of poses: certified brackets of gaps and clearance."""
 
 from __future__ import annotations
 
@@ -48,6 +48,9 @@ class Verification:
 
         Args:
             depth: allowed penetration and allowed gap of a contact, m.
+
+        Returns:
+            (...) flags.
         """
         above, touches = self.gap_low >= -depth, self.gap_high <= depth
         if self.pose.report is None:
