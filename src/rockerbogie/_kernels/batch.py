@@ -1,4 +1,7 @@
-"""The loops over a batch of poses: settle them, and say how their wheels touch. Each does items start..stop (`jit.spread`)."""
+"""Loops over a batch of poses: settle them, and compute their contacts and clearance.
+
+Each kernel computes the items start to stop of a batch (`jit.parallel.parallel_for`).
+"""
 
 from __future__ import annotations
 
@@ -43,7 +46,7 @@ Array = NDArray[np.float64]
 
 
 COUNTED = 256  # local minima of a tread's gap that contacts are counted from
-UNSETTLED = 255  # as a status: a pose that the lanes have not settled, and `settle_left` is to
+UNSETTLED = 255  # status of a pose that the lanes have not settled
 
 
 @njit
@@ -51,8 +54,16 @@ def settle_cubic(
     ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, out: Array, status: NDArray[np.uint8],
     start: int, stop: int,
 ) -> None:  # fmt: skip
-    """Contact mode on cubic ground. x, y, yaw (n,), steering (n, 6) or (1, 6); fills out (n, 6) as linkage's q, and
-    status (n,), with UNSETTLED among them."""
+    """Settle poses in contact mode on cubic terrain, by SIMD lanes.
+
+    Args:
+        ground, rover: the packed terrain and rover.
+        x, y, yaw: (n,) position, m, and heading, rad.
+        steering: (n, 6) or (1, 6) steering angles, rad.
+        out: (n, 6) filled with the poses that are settled.
+        status: (n,) filled; UNSETTLED for poses that are left to `settle_left`.
+        start, stop: range of poses that this call settles.
+    """
     buffer, block, which = np.empty(WORK_SIZE), np.empty(CUBIC_SIZE + LINE), np.empty(LANES, np.int64)
     work, land, car, meta, q, lanes = (
         lay_out(buffer),
@@ -71,7 +82,7 @@ def settle_cubic(
         settle_block(lanes, land, car, count, sure, work)
         for l in range(count):
             store_lane(lanes, l, car, meta, q, status, first + l, lanes[CUBIC.verdict + l] == LEAST)
-    buffer[0] = block[0] = 0.0  # their last use: they live till here
+    buffer[0] = block[0] = 0.0  # keep the buffers alive: `work` and `lanes` are unowned views of them
 
 
 @njit
@@ -80,8 +91,19 @@ def settle_linear(
     order: NDArray[np.int64],
     start: int, stop: int,
 ) -> None:  # fmt: skip
-    """As `settle_cubic`, on linear ground, in the `order` (n,) given. Poses that need more than one round wait until there is a
-    block of them."""
+    """Settle poses in contact mode on bilinear terrain, by SIMD lanes.
+
+    Poses that need more than one round wait until there is a block of them.
+
+    Args:
+        ground, rover: the packed terrain and rover.
+        x, y, yaw: (n,) position, m, and heading, rad.
+        steering: (n, 6) or (1, 6) steering angles, rad.
+        out: (n, 6) filled with the poses that are settled.
+        status: (n,) filled; UNSETTLED for poses that are left to `settle_left`.
+        order: (n,) order in which the poses are taken.
+        start, stop: range of `order` that this call settles.
+    """
     buffer, block = np.empty(WORK_SIZE), np.empty(BILINEAR_SIZE + LINE)
     which, wait = np.empty(LANES, np.int64), np.empty(2 * LANES, np.int64)
     work, land, car, meta, q, lanes = (
@@ -98,7 +120,7 @@ def settle_linear(
             status[order[n]] = UNSETTLED
         first = stop
     while first < stop or waiting > 0:
-        anew = waiting < LANES and first < stop  # else those that wait
+        anew = waiting < LANES and first < stop  # if False, the waiting poses
         count = min(LANES, stop - first if anew else waiting)
         for l in range(count):
             which[l] = order[first + l] if anew else wait[l]
@@ -113,7 +135,7 @@ def settle_linear(
             for l in range(LANES):
                 for n in range(6):
                     lanes[POSE.q + n * LANES + l] = q[which[min(l, count - 1)], n]
-                    lanes[CONTACT.sine + n * LANES + l] = 0.0  # where wheels touch, of which nothing of others is to be left
+                    lanes[CONTACT.sine + n * LANES + l] = 0.0  # reset the contacts of the lane's former pose
         bilinear_settle.settle(lanes, land, car, count, 1 if anew else ROUNDS)
         for l in range(count):
             k = which[l]
@@ -124,14 +146,28 @@ def settle_linear(
                 waiting += 1
             else:
                 store_lane(lanes, l, car, meta, q, status, k, lanes[BILINEAR.fate + l] == bilinear_settle.SETTLED)
-    buffer[0] = block[0] = 0.0
+    buffer[0] = block[0] = 0.0  # keep the buffers alive: `work` and `lanes` are unowned views of them
 
 
 @inlined
 def store_lane(
     lanes: Array, l: int, rover: Array, meta: Array, q: Array, status: NDArray[np.uint8], k: int, settled: bool
 ) -> None:
-    """Pose k is what lane l has come to, or UNSETTLED."""
+    """Store a lane's pose and status, or UNSETTLED.
+
+    Args:
+        lanes: the block's array (simd/layout.py).
+        l: lane.
+        rover: (P_SIZE,) packed rover.
+        meta: (META_SIZE,) map header.
+        q: (n, 6) poses; row k is written if it is settled.
+        status: (n,) statuses; item k is written.
+        k: pose.
+        settled: True if the lane is settled.
+
+    Reads:  POSE.q
+    Writes: nothing
+    """
     if settled:
         for n in range(6):
             q[k, n] = lanes[POSE.q + n * LANES + l]
@@ -147,7 +183,17 @@ def settle_left(
     left: NDArray[np.int64],
     start: int, stop: int,
 ) -> None:  # fmt: skip
-    """Contact mode, pose by pose: those that are `left`."""
+    """Settle poses in contact mode one by one.
+
+    Args:
+        ground, rover: the packed terrain and rover.
+        x, y, yaw: (n,) position, m, and heading, rad.
+        steering: (n, 6) or (1, 6) steering angles, rad.
+        out: (n, 6) filled with the poses, NaN where none is found.
+        status: (n,) filled.
+        left: (m,) indices of the poses to settle.
+        start, stop: range of `left` that this call settles.
+    """
     buffer = np.empty(WORK_SIZE)
     work, land, car, meta, q = lay_out(buffer), borrow(ground), unowned_view(rover), unowned_view(ground[2]), unowned_view(out)
     for n in range(start, stop):
@@ -156,7 +202,7 @@ def settle_left(
         px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
         status[k] = settle_contact(land, car, px, py, math.cos(yaw[k]), math.sin(yaw[k]), q[k], work)
         q[k, Z] += meta[META_Z]
-    buffer[0] = 0.0
+    buffer[0] = 0.0  # keep the buffer alive: `work` is an unowned view of it
 
 
 @njit
@@ -173,7 +219,17 @@ def rest_batch(
     start: int,
     stop: int,
 ) -> None:
-    """Equilibrium mode. As `settle_batch`; report (n, equilibrium.R_SIZE) too."""
+    """Solve for equilibria by descent from above.
+
+    Args:
+        ground, rover: the packed terrain and rover.
+        x, y, yaw: (n,) position, m, and heading, rad.
+        steering: (n, 6) or (1, 6) steering angles, rad.
+        out: (n, 6) filled with the poses, NaN where none is found.
+        status: (n,) filled.
+        report: (n, equilibrium.R_SIZE) filled with forces and flags, NaN where no pose is found.
+        start, stop: range of poses that this call solves for.
+    """
     buffer = np.empty(WORK_SIZE)
     work, land, car, meta, q = lay_out(buffer), borrow(ground), unowned_view(rover), unowned_view(ground[2]), unowned_view(out)
     for k in range(start, stop):
@@ -181,7 +237,7 @@ def rest_batch(
         px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
         status[k] = settle_equilibrium(land, car, px, py, math.cos(yaw[k]), math.sin(yaw[k]), q[k], report[k], work)
         q[k, Z] += meta[META_Z]
-    buffer[0] = 0.0
+    buffer[0] = 0.0  # keep the buffer alive: `work` is an unowned view of it
 
 
 @njit
@@ -190,7 +246,7 @@ def rest_left(
     report: Array, left: NDArray[np.int64],
     start: int, stop: int,
 ) -> None:  # fmt: skip
-    """Solve for an equilibrium from the six-wheel poses of those that found none on the descent from above.
+    """Solve for an equilibrium from the six-wheel pose, where the descent found none.
 
     A pose for which this search fails too keeps the status of the first search.
 
@@ -255,7 +311,7 @@ def settle_bridged(
                 status[k], q[k] = code, trial
                 q[k, Z] += meta[META_Z]
             grid[0, 0] = 0.0  # keep the grid alive: the bridged terrain is an unowned view of it
-    buffer[0] = 0.0
+    buffer[0] = 0.0  # keep the buffer alive: `work` is an unowned view of it
 
 
 @njit
@@ -293,12 +349,20 @@ def rest_bridged(
                 status[k], q[k], report[k] = code, trial, forces
                 q[k, Z] += meta[META_Z]
             grid[0, 0] = 0.0  # keep the grid alive: the bridged terrain is an unowned view of it
-    buffer[0] = 0.0
+    buffer[0] = 0.0  # keep the buffer alive: `work` is an unowned view of it
 
 
 @njit
 def flush(grid: Array, meta: Array, w: Array, lowest: Array) -> bool:
-    """Whether the tread lies along the ground over its whole width: then its middle stands for the contact."""
+    """Return True if the tread touches along its whole width.
+
+    Its middle then stands for the contact.
+
+    Args:
+        grid, meta: terrain.
+        w: (WHEEL_SIZE,) wheel.
+        lowest: (CONTACT_SIZE,) the contact.
+    """
     far = gap_at(grid, meta, w, lowest[SIN], lowest[COSINE], -lowest[PLACE])
     middle = gap_at(grid, meta, w, lowest[SIN], lowest[COSINE], 0.0)
     return max(far, middle) <= lowest[GAP] + 1e-9
@@ -311,8 +375,20 @@ def touch_batch(
     start: int,
     stop: int,
 ) -> None:  # fmt: skip
-    """How each wheel touches at given poses q (n, 6): gap, contact angle (n, 6), point, normal (n, 6, 3) in the world,
-    and how many separate places of its tread are within `keep` of the ground (n, 6)."""
+    """Compute the contacts of given poses.
+
+    Args:
+        ground, rover: the packed terrain and rover.
+        x, y, yaw: (n,) position, m, and heading, rad.
+        steering: (n, 6) or (1, 6) steering angles, rad.
+        q: (n, 6) poses.
+        keep: m, largest gap of a contact that is counted.
+        gap: (n, 6) filled, m; NaN if the tread is off the map or over missing data. So are the following.
+        angle: (n, 6) filled with contact angles, rad.
+        point, normal: (n, 6, 3) filled, in the world.
+        count: (n, 6) filled with the number of separate contacts, 0 where there is none.
+        start, stop: range of poses that this call computes.
+    """
     land = borrow(ground)
     grid, _, meta = land
     buffer = np.empty(WORK_SIZE)
@@ -358,7 +434,16 @@ def touch_batch(
 def clearance_batch(
     ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, q: Array, out: Array, start: int, stop: int
 ) -> None:
-    """Least height of the body's box over the ground (n,) at poses q (n, 6)."""
+    """Compute the clearance of given poses.
+
+    Args:
+        ground, rover: the packed terrain and rover.
+        x, y, yaw: (n,) position, m, and heading, rad.
+        q: (n, 6) poses.
+        out: (n,) filled with the smallest height of the body's box above the terrain, m; NaN off the map and over
+            missing data.
+        start, stop: range of poses that this call computes.
+    """
     land, meta = borrow(ground), ground[2]
     axes_buffer, near_buffer = np.empty((3, 3)), np.empty((NEAR_ROOM, NEAR_SIZE))
     axes, near, box = unowned_view(axes_buffer), unowned_view(near_buffer), unowned_view(rover)[P_BOX : P_BOX + 6]
@@ -370,4 +455,4 @@ def clearance_batch(
             code, count = box_over_ground(land, box, axes, px, py, pz, 0.0, near)
             if code == FOUND:
                 out[k] = least_clearance(near, count)
-    axes_buffer[0, 0] = near_buffer[0, 0] = 0.0  # their last use
+    axes_buffer[0, 0] = near_buffer[0, 0] = 0.0  # keep them alive: `axes` and `near` are unowned views

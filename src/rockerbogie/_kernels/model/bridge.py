@@ -74,7 +74,7 @@ def bridged_grid(ground: Ground, i0: int, i1: int, j0: int, j1: int) -> tuple[Ar
 
 @njit
 def _fill_from_nearest(line: Array) -> None:
-    """Replace each NaN of a line by its nearest known value, the earlier of two that are equally near.
+    """Replace each NaN of a line by its nearest known value, the earlier if two tie.
 
     Args:
         line: (n,) values; changed, unless all of them are NaN.
@@ -107,7 +107,11 @@ def with_grid(ground: Ground, grid: Array, row: int, col: int) -> Ground:
 
 @specialize_on_ground(with_grid)
 def _with_grid_of(kind: type) -> Any:
-    """Return `with_grid` for one kind of terrain."""
+    """Return `with_grid` for one kind of terrain.
+
+    Args:
+        kind: CubicGround or LinearGround.
+    """
 
     def on_cubic(ground: Ground, grid: Array, row: int, col: int) -> Ground:
         # The upper bound is infinite beside missing data and otherwise that of the known cells: it holds for this grid.

@@ -1,12 +1,15 @@
 """Height, slope and curvature of a height field at a point.
 
-A packed ground is (`grid`, `meta`). For linear ground `grid` holds the nodes; for cubic ground the coefficients of the
-C2 tensor-product B-spline through them, one ring wider than the map. nan marks ground that is not known: it spreads
-to every cell whose surface leans on it. Positions are from the map's first node, heights from `META_Z`.
+A packed terrain has `grid`, `upper_bound` and `meta`. On bilinear terrain `grid` holds the nodes. On cubic terrain
+it holds the
+coefficients of the C2 tensor-product B-spline through them, one ring wider than the map. NaN marks missing data:
+each cell
+that uses a NaN is missing. Positions are from the map's first node, heights from META_Z.
 
-A ground may be a window: part of a map, whose `META_ROW`, `META_COL` say which. Positions and indices stay the map's, so
-that what is worked out in a window is what the whole map gives, to the last bit. The loops over a batch borrow it by
-`borrow`; whoever calls them sees to it that nothing they read lies outside the window.
+A terrain may be a window, the part of a map that META_ROW and META_COL give. Positions and indices stay the map's,
+so that a
+result in a window is bit-identical to that of the map. The batch loops use `borrow`; their callers ensure that no index
+lies outside the window.
 """
 
 from __future__ import annotations
@@ -20,9 +23,10 @@ from numpy.typing import NDArray
 from ..jit.decorators import inlined, njit, specialize_on_ground
 from ..jit.raw_views import unowned_view, window
 
-# META_MAX_CURVATURE: no second derivative of the ground along any level direction is greater; inf where it has ridges or holes.
-# META_STEEP: bilinear ground is nowhere steeper; inf where that is not known.
-# META_ROW, META_COL: the node that the arrays begin at, 0 where they hold the whole map.
+# META_MAX_CURVATURE: bound on the second derivative along any horizontal direction, 1/m; inf on bilinear terrain and if data is
+# missing.
+# META_STEEP: bound on the slope of bilinear terrain; inf if data is missing, and on cubic terrain.
+# META_ROW, META_COL: node at which the arrays begin; 0 if they hold the whole map.
 META_X, META_Y, META_Z, META_DX, META_DY, META_NX, META_NY, META_CUBIC, META_MAX_CURVATURE, META_ROW, META_COL, META_STEEP = (
     range(12)
 )
@@ -32,7 +36,10 @@ Array = NDArray[np.float64]
 
 
 class CubicGround(NamedTuple):
-    """Ground of two kinds has two types, so that kernels are compiled for one of them without the other's code."""
+    """Packed cubic terrain.
+
+    Each kind of terrain has its own type, so that kernels are compiled without the other kind's code.
+    """
 
     grid: Array
     upper_bound: Array
@@ -40,7 +47,7 @@ class CubicGround(NamedTuple):
 
 
 class LinearGround(NamedTuple):
-    """As `CubicGround`."""
+    """Packed bilinear terrain, with the fields of `CubicGround`."""
 
     grid: Array
     upper_bound: Array
@@ -51,12 +58,22 @@ Ground = CubicGround | LinearGround
 
 
 def borrow(ground: Ground) -> Ground:
-    """The ground's arrays by the map's indices, not counted as references to them."""
+    """Return the terrain's arrays as uncounted views, indexed as the map's.
+
+    Args:
+        ground: terrain; it must outlive the result.
+    """
     return _loan_of(type(ground))(ground)
 
 
 @specialize_on_ground(borrow)
 def _loan_of(kind: type) -> Any:
+    """Return `borrow` for one kind of terrain.
+
+    Args:
+        kind: CubicGround or LinearGround.
+    """
+
     def lend(ground: Ground) -> Ground:
         row, col = int(ground.meta[META_ROW]), int(ground.meta[META_COL])
         return kind(window(ground.grid, row, col), window(ground.upper_bound, row, col), unowned_view(ground.meta))
@@ -66,7 +83,16 @@ def _loan_of(kind: type) -> Any:
 
 @inlined
 def cell_of(position: float, step: float, nodes: float) -> tuple[int, float]:
-    """Cell index and place in it (0..1) of a position from the first node; the last node belongs to the last cell."""
+    """Return the cell of a position along an axis; the last node belongs to the last cell.
+
+    Args:
+        position: m from the first node.
+        step: m, node spacing.
+        nodes: number of nodes.
+
+    Returns:
+        Index of the cell and the position in it, 0 to 1 on the map.
+    """
     g = position / step
     i = min(max(math.floor(g), 0.0), nodes - 2.0)
     return int(i), g - i
@@ -74,13 +100,24 @@ def cell_of(position: float, step: float, nodes: float) -> tuple[int, float]:
 
 @inlined
 def on_map(meta: Array, x: float, y: float) -> bool:
-    """Whether a position lies on the map, its rim included."""
+    """Return True if a position lies on the map, its edge included.
+
+    Args:
+        meta: (META_SIZE,) map header.
+        x, y: m from the first node.
+    """
     return 0.0 <= x <= (meta[META_NX] - 1.0) * meta[META_DX] and 0.0 <= y <= (meta[META_NY] - 1.0) * meta[META_DY]
 
 
 @inlined
 def onto(position: float, step: float, nodes: float) -> float:
-    """A position from the first node, put back on the rim where no more than rounding (1e-6 of a cell) took it off."""
+    """Return a position, moved to the edge of the map if it is off it by at most 1e-6 of a cell.
+
+    Args:
+        position: m from the first node.
+        step: m, node spacing.
+        nodes: number of nodes.
+    """
     end, slack = (nodes - 1.0) * step, 1e-6 * step
     if -slack < position < 0.0:
         return 0.0
@@ -91,7 +128,18 @@ def onto(position: float, step: float, nodes: float) -> float:
 
 @njit
 def surface(grid: Array, meta: Array, x: float, y: float) -> tuple[float, float, float, float, float, float]:
-    """h, h_x, h_y, h_xx, h_xy, h_yy at (x, y) from the first node. Outside, the rim cell's surface goes on."""
+    """Compute height, slope and curvature at a point.
+
+    Off the map the nearest cell's polynomial is continued.
+
+    Args:
+        grid: nodes or coefficients, m.
+        meta: (META_SIZE,) map header.
+        x, y: m from the first node.
+
+    Returns:
+        h, m above the datum, h_x, h_y, and h_xx, h_xy, h_yy, 1/m; NaN over missing data.
+    """
     dx, dy = meta[META_DX], meta[META_DY]
     i, u = cell_of(x, dx, meta[META_NX])
     j, v = cell_of(y, dy, meta[META_NY])
@@ -142,7 +190,14 @@ def surface_batch(
     start: int,
     stop: int,
 ) -> None:
-    """Fill out (n, 3) with h, h_x, h_y at world points (n,), items start..stop; nan off the map."""
+    """Compute height and slope at world points.
+
+    Args:
+        ground: terrain.
+        x, y: (n,) m, in the world.
+        out: (n, 3) filled with h, m, h_x and h_y; NaN off the map and over missing data.
+        start, stop: range of points that this call computes.
+    """
     grid, _, meta = borrow(ground)
     for k in range(start, stop):
         px = onto(x[k] - meta[META_X], meta[META_DX], meta[META_NX])

@@ -1,4 +1,4 @@
-"""Eq. 9 for six wheels: what each rate of a wheel's chain gives to the body's twist. The algebra is in docs/jacobians.md."""
+"""Wheel Jacobians of eq. 9 for six wheels: docs/jacobians.md has the algebra."""
 
 from __future__ import annotations
 
@@ -23,7 +23,13 @@ def _row(
     J: Array, k: int, i: int, row: int, rocker: float, left: float, right: float, steering: float,
     wheel: float, roll: float, side: float, turn: float, contact: float,
 ) -> None:  # fmt: skip
-    """One component of the twist, by `JACOBIAN_COLUMNS`."""
+    """Write one component of a wheel's twist, by `JACOBIAN_COLUMNS`.
+
+    Args:
+        J: (n, 6, 6, 9) Jacobians; 9 values are written.
+        k, i, row: pose, wheel and twist component.
+        rocker, left, right, steering, wheel, roll, side, turn, contact: the component per unit of each rate.
+    """
     J[k, i, row, 0], J[k, i, row, 1], J[k, i, row, 2], J[k, i, row, 3] = rocker, left, right, steering
     J[k, i, row, 4], J[k, i, row, 5], J[k, i, row, 6], J[k, i, row, 7], J[k, i, row, 8] = wheel, roll, side, turn, contact
 
@@ -33,7 +39,16 @@ def _frame(
     T: Array, k: int, i: int, xx: float, xy: float, xz: float, yx: float, yy: float, yz: float,
     zx: float, zz: float, px: float, py: float, pz: float,
 ) -> None:  # fmt: skip
-    """The axle's directions and place in the body; its z lies in the link's plane."""
+    """Write the axle's directions and position in the body.
+
+    Args:
+        T: (n, 6, 4, 4) frames; 16 values are written.
+        k, i: pose and wheel.
+        xx, xy, xz: the axle frame's x.
+        yx, yy, yz: its y, along the axle.
+        zx, zz: its z, which lies in the link's plane.
+        px, py, pz: m, the hub.
+    """
     T[k, i, 0, 0], T[k, i, 0, 1], T[k, i, 0, 2], T[k, i, 0, 3] = xx, yx, zx, px
     T[k, i, 1, 0], T[k, i, 1, 1], T[k, i, 1, 2], T[k, i, 1, 3] = xy, yy, 0.0, py
     T[k, i, 2, 0], T[k, i, 2, 1], T[k, i, 2, 2], T[k, i, 2, 3] = xz, yz, zz, pz
@@ -42,7 +57,11 @@ def _frame(
 
 @inlined
 def _near_zero(angle: float) -> float:
-    """The same angle, within what `sincos` takes."""
+    """Return the same angle within the range of `sincos`.
+
+    Args:
+        angle: rad.
+    """
     return angle if not abs(angle) > FAR else math.atan2(math.sin(angle), math.cos(angle))
 
 
@@ -51,12 +70,23 @@ def wheel_jacobians_batch(
     rover: Array, steers: NDArray[np.bool_], rocker: Array, bogie: Array, steering: Array, contact: Array,
     J: Array, frames: Array, start: int, stop: int,
 ) -> None:  # fmt: skip
-    """Fill J (n, 6, 6, 9) from rocker (n,), bogie (n, 2), steering (n, 6) or (1, 6) and contact angles (n, 6).
+    """Compute wheel Jacobians, and wheel frames if asked for.
 
-    Axes of J: pose, wheel, twist component, column. Frames (n, 6, 4, 4), axle to body, are filled too if there are any.
-    The angles of a block of poses are laid side by side and their sines worked out together: one by one they were most
-    of the time. A hinge along y at (x, ·, z) turns the body the other way: (z, 0, -x, 0, -1, 0); a slip goes along an axis
-    of the contact; a turn at unit rate about the axis a through the point p is (p × a, a). The normal goes through the hub.
+    A hinge along y at (x, ·, z) turns the body the other way: (z, 0, -x, 0, -1, 0). A slip goes along an axis of the
+    contact. A turn at
+    unit rate about the axis a through the point p is (p × a, a). The normal goes through the hub. The sines of a block of
+    poses are computed together, which is faster.
+
+    Args:
+        rover: (P_SIZE,) packed rover.
+        steers: (6,) True for wheels that steer.
+        rocker: (n,) rad, the left rocker's angle.
+        bogie: (n, 2) rad.
+        steering: (n, 6) or (1, 6) rad.
+        contact: (n, 6) contact angles, rad.
+        J: (n, 6, 6, 9) filled; axes: pose, wheel, twist component, column.
+        frames: (n, 6, 4, 4) filled with T_body_axle, or (0, 6, 4, 4).
+        start, stop: range of poses that this call computes.
     """
     angle, sine, cosine, slope = np.empty(ANGLES * BLOCK), np.empty(ANGLES * BLOCK), np.empty(ANGLES * BLOCK), np.empty(BLOCK)
     for first in range(start, stop, BLOCK):

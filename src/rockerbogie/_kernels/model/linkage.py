@@ -1,6 +1,6 @@
-"""The packed rover, and where its wheels stand for given joint angles.
+"""The packed rover and its forward kinematics.
 
-The unknowns of a pose are q = (z, roll, pitch, ρ, β left, β right); the rest of it is given.
+The unknowns of a pose are q = (z, roll, pitch, ρ, β left, β right); x, y and yaw are given.
 """
 
 from __future__ import annotations
@@ -37,7 +37,15 @@ Z, ROLL, PITCH, ROCKER, BOGIE_L, BOGIE_R = range(6)
 
 @inlined
 def right_rocker(rover: Array, rho: float) -> tuple[float, float]:
-    """The right rocker's angle and its derivative, through the differential."""
+    """Return the right rocker's angle, which the differential sets, and its derivative.
+
+    Args:
+        rover: (P_SIZE,) packed rover.
+        rho: rad, the left rocker's angle.
+
+    Returns:
+        Angle, rad, and its change per rad of rho.
+    """
     n = int(rover[P_ORDER])
     value = slope = 0.0
     for k in range(n - 1, -1, -1):
@@ -48,7 +56,7 @@ def right_rocker(rover: Array, rho: float) -> tuple[float, float]:
 
 @njit
 def reach(rover: Array) -> float:
-    """Return a horizontal distance from the body's origin, m, that holds the whole rover in every pose.
+    """Return a distance from the body's origin, m, within which the rover is in every pose.
 
     Args:
         rover: (P_SIZE,) packed rover.
@@ -70,13 +78,24 @@ def reach(rover: Array) -> float:
 
 @inlined
 def _length(rover: Array, at: int) -> float:
-    """Return the length of the vector (3,) at an offset of the packed rover, m."""
+    """Return the length of a vector of the packed rover, m.
+
+    Args:
+        rover: (P_SIZE,) packed rover.
+        at: offset of the vector (3,).
+    """
     return math.sqrt(rover[at] ** 2 + rover[at + 1] ** 2 + rover[at + 2] ** 2)
 
 
 @njit
 def set_hub_offsets(rover: Array, steering: Array, hub_offsets: Array) -> None:
-    """What steering alone decides: feet (6, 5) is hub from its pivot in the link (3), and cos, sin of the steering angle."""
+    """Compute the part of each wheel's position that steering alone sets.
+
+    Args:
+        rover: (P_SIZE,) packed rover.
+        steering: (6,) rad.
+        hub_offsets: (6, 5) filled with the hub from its pivot in the link (3), m, and cos and sin of the steering angle.
+    """
     for i in range(6):
         c, s = math.cos(steering[i]), math.sin(steering[i])
         ox, oy = rover[P_OFFSET + 2 * i], rover[P_OFFSET + 2 * i + 1]
@@ -88,7 +107,13 @@ def set_hub_offsets(rover: Array, steering: Array, hub_offsets: Array) -> None:
 
 @njit
 def body_axes(roll: float, pitch: float, cy: float, sy: float, axes: Array) -> None:
-    """axes (3, 3): rows are the body's x, y, z directions in the world; (cy, sy) of yaw."""
+    """Compute the body's directions in the world.
+
+    Args:
+        roll, pitch: rad.
+        cy, sy: cos and sin of yaw.
+        axes: (3, 3) filled; rows are the body's x, y and z.
+    """
     cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
     axes[0, 0], axes[0, 1], axes[0, 2] = cy * cp, sy * cp, -sp
     axes[1, 0], axes[1, 1], axes[1, 2] = cy * sp * sr - sy * cr, sy * sp * sr + cy * cr, cp * sr
@@ -108,9 +133,20 @@ def forward_kinematics(
     pivots: Array,
     wheels: Array,
 ) -> bool:
-    """Place the linkage: axes (3, 3), knees (4, 3) both rocker then both bogie pivots from the body's origin, wheels (6, :).
+    """Compute the positions and directions of the linkage and its wheels.
 
-    (x, y) from the map's first node. False when a wheel lies on its side.
+    Args:
+        rover: (P_SIZE,) packed rover.
+        hub_offsets: (6, 5) of `set_hub_offsets`.
+        x, y: m, the body's origin from the map's first node.
+        cy, sy: cos and sin of yaw.
+        q: (6,) z, m, and roll, pitch, rocker, bogies, rad.
+        axes: (3, 3) filled with the body's directions, one a row.
+        pivots: (4, 3) filled with the rocker pivots and the bogie pivots, left and right, m from the body's origin.
+        wheels: (6, WHEEL_SIZE) filled; hubs in m from the map's first node and the datum.
+
+    Returns:
+        False if a wheel lies on its side (`make_wheel`).
     """
     body_axes(q[ROLL], q[PITCH], cy, sy, axes)
     qr, _ = right_rocker(rover, q[ROCKER])
@@ -156,8 +192,20 @@ def gap_jacobian_row(
     rover: Array, q: Array, cy: float, sy: float, axes: Array, pivots: Array, i: int,
     px: float, py: float, pz: float, gx: float, gy: float, row: Array,
 ) -> None:  # fmt: skip
-    """Fill row (6,) with the change of wheel i's gap per unit of each unknown; its contact (px, py, pz) is from the
-    body's origin and (-gx, -gy, 1) is normal to it. By the envelope theorem the contact's own wandering adds nothing."""
+    """Compute the change of a wheel's gap per unit of each unknown.
+
+    By the envelope theorem the motion of the contact on the tread adds nothing.
+
+    Args:
+        rover: (P_SIZE,) packed rover.
+        q: (6,) pose.
+        cy, sy: cos and sin of yaw.
+        axes, pivots: of `forward_kinematics`.
+        i: wheel.
+        px, py, pz: m, the contact from the body's origin.
+        gx, gy: slope; (-gx, -gy, 1) is normal to the contact.
+        row: (6,) filled, m per m or rad.
+    """
     side = i % 2
     row[Z] = 1.0
     # ω × p for ω = body x, the level y axis, body y

@@ -1,4 +1,4 @@
-"""Where the rover's mass is: the height of its centre, and how that changes with the pose."""
+"""The height of the centre of mass and its gradient."""
 
 from __future__ import annotations
 
@@ -17,7 +17,19 @@ Array = NDArray[np.float64]
 def centre_of_mass(
     rover: Array, hub_offsets: Array, q: Array, cy: float, sy: float, axes: Array, pivots: Array, slope: Array
 ) -> float:
-    """Height of the centre of mass over the body's origin, and its change (6,) per unit of each unknown."""
+    """Compute the height of the centre of mass and its gradient.
+
+    Args:
+        rover: (P_SIZE,) packed rover.
+        hub_offsets: (6, 5) of `linkage.set_hub_offsets`.
+        q: (6,) pose.
+        cy, sy: cos and sin of yaw.
+        axes, pivots: of `linkage.forward_kinematics`.
+        slope: (6,) filled with the change of the height per unit of each unknown.
+
+    Returns:
+        Height above the body's origin, m.
+    """
     row = np.empty(6)
     slope[:] = 0.0
     total = height = 0.0
@@ -37,7 +49,7 @@ def centre_of_mass(
             i = 2 * (part - 2) + side if part >= 2 else (side if part == 0 else 2 + side)
             at = P_ROCKER + 4 * side if part == 0 else (P_BOGIE + 4 * side if part == 1 else P_WHEEL + 4 * i)
             m, a, b, c = rover[at], rover[at + 1], rover[at + 2], rover[at + 3]
-            if part >= 2:  # a wheel's mass hangs in its link as its hub does; steering turns its offset with it
+            if part >= 2:  # a wheel's mass moves with its hub; steering turns its offset from the hub
                 cs, sn = hub_offsets[i, 3], hub_offsets[i, 4]
                 a, b = hub_offsets[i, 0] + cs * a - sn * b, hub_offsets[i, 1] + sn * a + cs * b
                 c += hub_offsets[i, 2]

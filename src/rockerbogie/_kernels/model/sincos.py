@@ -1,4 +1,4 @@
-"""Sine and cosine of many angles at once, without branches: what a compiler can do eight at a time."""
+"""Sine and cosine of many angles at once, without branches: for SIMD."""
 
 from __future__ import annotations
 
@@ -24,10 +24,14 @@ FAR = 1e5  # rad
 
 @inlined
 def sine_cosine(a: float) -> tuple[float, float]:
-    """sin and cos of an angle within `FAR`, rad; to two units in the last place, nan for nan.
+    """Return the sine and cosine of an angle, to two units in the last place; NaN for NaN.
 
-    The angle less its nearest multiple of π/2 goes into the polynomials; which of the two is the sine, and their signs,
-    are chosen by arithmetic.
+    The angle minus its nearest multiple of π/2 is the argument of two polynomials. Arithmetic selects which of them is
+    the sine, and
+    the signs.
+
+    Args:
+        a: rad, at most `FAR` in magnitude.
     """
     turns = np.floor(a * (2.0 / math.pi) + 0.5)
     x = ((a - turns * PART_1) - turns * PART_2) - turns * PART_3
@@ -42,6 +46,12 @@ def sine_cosine(a: float) -> tuple[float, float]:
 
 @fma_njit
 def sincos(angle: Array, count: int, sine: Array, cosine: Array) -> None:
-    """Fill sine and cosine (count,) of angle (count,), rad: `sine_cosine`."""
+    """Compute the sine and cosine of several angles.
+
+    Args:
+        angle: (n,) rad, at most `FAR` in magnitude.
+        count: number of angles, at most n.
+        sine, cosine: (n,) filled up to `count`.
+    """
     for k in range(count):
         sine[k], cosine[k] = sine_cosine(angle[k])

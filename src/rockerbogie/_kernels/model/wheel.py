@@ -1,11 +1,12 @@
-"""One wheel's tread as a surface: its points, and what is kept of one that is near the ground.
+"""One wheel's tread as a surface, and the array that describes a wheel.
 
-The tread is the rim of radius r swept along the axle a over ±b. With τ the axle's tilt, e1 the level direction in the
-wheel's plane and e3 its upward one, a point of it is
+The tread is the rim of radius r swept along the axle a over ±b. With τ the axle's tilt, e1 the horizontal direction
+in the wheel's
+plane and e3 its upward one, a point of it is
 
     hub + s a + u e1 - q e3,   (u, q) = r (sin φ, cos φ),  |s| ≤ b,
 
-and over a level place (u along e1, v along the axle's level direction) its lower half stands at
+and over a horizontal position (u along e1, v along the axle's horizontal direction) its lower half has the height
 
     T(u, v) = z_hub + v tan τ - sqrt(r² - u²) / cos τ,   where  v = s cos τ + q sin τ.
 """
@@ -19,24 +20,24 @@ from numpy.typing import NDArray
 
 from ..jit.decorators import inlined, njit
 from .ground import META_CUBIC, surface
-from .tolerances import CONTACT_TIE, SAME_CONTACT
+from .tolerances import CONTACT_TIE, MIN_COS_TILT, SAME_CONTACT
 
 Array = NDArray[np.float64]
 
-# A wheel in one flat array: hub, axle, e1, e3, cos τ, tan τ, radius, half width, the axle's level direction, the axle frame's z.
+# A wheel in one flat array: hub, axle, e1, e3, cos τ, tan τ, radius, half width,
+# the axle's horizontal direction, the axle frame's z.
 HX, HY, HZ, AX, AY, AZ, EX, EY, UX, UY, UZ, COS, TAN, RADIUS, HALF, VX, VY, ZX, ZY, ZZ = range(20)
-# And what its search writes down: the surface of a cell, a plane below the tread, where a rim crosses a cell, the bends of a
-# cell and of several, bounds of a row of cells. One array is quick to hand on, many are not.
-CELL, PLANE, ENDS, BENDS, BENDS_OF_ALL, BOUND = 20, 24, 27, 83, 93, 103
+# Scratch of its search: a cell's surface, a plane below the tread, crossings of a rim with a cell, bounds on the derivatives of a
+# cell and of the cells under the tread, lower bounds of a row of cells. One array is passed faster than many.
+CELL, PLANE, ENDS, DERIVATIVES, DERIVATIVES_OF_TREAD, BOUND = 20, 24, 27, 83, 93, 103
 ROW = 64  # cells bounded at once
 WHEEL_SIZE = BOUND + ROW
 
-# A place on the tread: its gap to the ground, sin φ, cos φ, s.
+# A point of the tread: its gap to the ground, sin φ, cos φ, s.
 GAP, SIN, COSINE, PLACE = range(4)
 CONTACT_SIZE = 4
 
 BESIDE = 1e-4  # rad
-FLAT = 0.05  # cos τ below which a wheel lies on its side: no contact is sought
 
 
 @njit
@@ -54,9 +55,20 @@ def make_wheel(
     radius: float,
     half: float,
 ) -> bool:
-    """Fill `wheel` (WHEEL_SIZE,) from its hub, its axle and the axle frame's z; false when it lies on its side."""
+    """Fill a wheel's array from its hub and directions.
+
+    Args:
+        wheel: (WHEEL_SIZE,) filled.
+        x, y, z: m, the hub.
+        ax, ay, az: the axle's direction.
+        zx, zy, zz: the axle frame's z.
+        radius, half: m, radius and half width.
+
+    Returns:
+        False, with nothing written, if the wheel lies on its side: cos τ at most `MIN_COS_TILT`.
+    """
     level = math.sqrt(ax * ax + ay * ay)
-    if not level > FLAT:
+    if not level > MIN_COS_TILT:
         return False
     vx, vy = ax / level, ay / level
     wheel[HX], wheel[HY], wheel[HZ] = x, y, z
@@ -72,7 +84,13 @@ def make_wheel(
 
 @inlined
 def tread_point(w: Array, sine: float, cosine: float, s: float) -> tuple[float, float, float]:
-    """Offset from the hub of the tread's point (φ, s)."""
+    """Return the offset of a tread point from the hub, m.
+
+    Args:
+        w: (WHEEL_SIZE,) wheel.
+        sine, cosine: sin φ, cos φ.
+        s: m along the axle.
+    """
     u, q = w[RADIUS] * sine, w[RADIUS] * cosine
     return s * w[AX] + u * w[EX] - q * w[UX], s * w[AY] + u * w[EY] - q * w[UY], s * w[AZ] - q * w[UZ]
 
@@ -122,7 +140,14 @@ def covers(w: Array, x0: float, x1: float, y0: float, y1: float) -> bool:
 
 @njit
 def gap_at(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s: float) -> float:
-    """Height of the tread's point (φ, s) over the ground."""
+    """Return the height of a tread point above the terrain, m; NaN over missing data.
+
+    Args:
+        grid, meta: terrain (ground.py).
+        w: (WHEEL_SIZE,) wheel.
+        sine, cosine: sin φ, cos φ.
+        s: m along the axle.
+    """
     x, y, z = tread_point(w, sine, cosine, s)
     return w[HZ] + z - surface(grid, meta, w[HX] + x, w[HY] + y)[0]
 
@@ -131,8 +156,24 @@ def gap_at(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s: fl
 def keep_lower_contact(
     w: Array, lowest: Array, gap: float, sine: float, cosine: float, s: float, keep: float, contacts: Array, count: int
 ) -> int:
-    """Hold a place as the best if it is, and keep it if its gap is below `keep`. Returns how many are kept."""
-    # a contact does not jump between places that tie but for rounding; one right beside the best is the same, found better
+    """Keep a point of the tread if it is the lowest so far, and list it if its gap is small.
+
+    Points that tie within `CONTACT_TIE` do not replace each other; a point within `BESIDE` of the lowest on the same rim
+    is the same one, refined.
+
+    Args:
+        w: (WHEEL_SIZE,) wheel.
+        lowest: (CONTACT_SIZE,) the lowest point so far; replaced.
+        gap: m, the point's gap.
+        sine, cosine, s: sin φ, cos φ and m along the axle.
+        keep: m, list points with a gap up to this.
+        contacts: (n, CONTACT_SIZE) the list; n may be 0.
+        count: number of points listed.
+
+    Returns:
+        The new count.
+    """
+    # contacts that tie up to rounding do not alternate; one beside the lowest is the same contact, refined
     beside = abs(sine - lowest[SIN]) + abs(cosine - lowest[COSINE]) < BESIDE and s == lowest[PLACE]
     if gap < lowest[GAP] - CONTACT_TIE or (beside and gap < lowest[GAP] + CONTACT_TIE):
         lowest[GAP], lowest[SIN], lowest[COSINE], lowest[PLACE] = gap, sine, cosine, s
@@ -152,8 +193,17 @@ def keep_lower_contact(
 
 @njit
 def dispensable(w: Array, contacts: Array, gap: float, sine: float, cosine: float, s: float) -> int:
-    """Which of the places found makes room for one more: of the two that lie closest to each other, the higher. -1 if that
-    is the new one."""
+    """Return the index of the contact to replace when the list is full.
+
+    It is -1 if the new one is to be dropped. Of the two contacts closest to each other the higher one goes. If the new
+    one is within a tenth of the radius of one listed, these two
+    are taken.
+
+    Args:
+        w: (WHEEL_SIZE,) wheel.
+        contacts: (n, CONTACT_SIZE) full list.
+        gap, sine, cosine, s: the new contact.
+    """
     n = contacts.shape[0]
     r = w[RADIUS]
     closest, spot = math.inf, -1
@@ -161,7 +211,7 @@ def dispensable(w: Array, contacts: Array, gap: float, sine: float, cosine: floa
         apart = r * (abs(contacts[i, SIN] - sine) + abs(contacts[i, COSINE] - cosine)) + abs(contacts[i, PLACE] - s)
         if apart < closest:
             closest, spot = apart, (i if contacts[i, GAP] > gap else -1)
-    if closest < 0.1 * r:  # two of one neighbourhood: which are the closest of all is no matter
+    if closest < 0.1 * r:  # two of one neighbourhood: no need to find the closest pair
         return spot
     for i in range(n):
         for j in range(i):
@@ -174,10 +224,16 @@ def dispensable(w: Array, contacts: Array, gap: float, sine: float, cosine: floa
 
 @njit
 def contact_slope(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s: float) -> tuple[float, float]:
-    """(gx, gy) with (-gx, -gy, 1) normal to the contact at (φ, s): the gap's slope under small motions of the wheel.
+    """Return (gx, gy) with (-gx, -gy, 1) normal to a contact.
 
-    Inside the tread that is the tread's own normal; on a rim it is the ground's, and on a ridge of the ground the one
-    between its two sides' that is square to the rim.
+    It is the slope of the gap under small motions of the wheel. Inside the tread it is the tread's slope, on a rim the
+    terrain's. On a ridge of bilinear terrain it is the one between the two
+    sides' slopes that is perpendicular to the rim.
+
+    Args:
+        grid, meta: terrain.
+        w: (WHEEL_SIZE,) wheel.
+        sine, cosine, s: the contact.
     """
     if abs(s) < w[HALF] and cosine > 1e-6:
         nx, ny, nz = -sine * w[EX] + cosine * w[UX], -sine * w[EY] + cosine * w[UY], cosine * w[UZ]
@@ -198,7 +254,14 @@ def contact_slope(grid: Array, meta: Array, w: Array, sine: float, cosine: float
 
 @njit
 def contact_angle(w: Array, sine: float, cosine: float, s: float) -> float:
-    """The paper's δ (eq. 5) of the tread's point (φ, s): from straight below the axle in the link, nose-down positive."""
+    """Return the paper's contact angle δ (eq. 5), rad.
+
+    It is measured from straight below the axle in the link, nose-down positive.
+
+    Args:
+        w: (WHEEL_SIZE,) wheel.
+        sine, cosine, s: the contact.
+    """
     px, py, pz = tread_point(w, sine, cosine, s)
     px, py, pz = px - s * w[AX], py - s * w[AY], pz - s * w[AZ]
     # the axle frame's z, and x = y × z

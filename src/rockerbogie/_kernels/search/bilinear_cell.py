@@ -1,7 +1,8 @@
-"""Where a tread comes nearest to one cell of bilinear ground.
+"""The minimum of the gap of a tread over one bilinear cell.
 
-In a cell the ground is h = c0 + c1 X + c2 Y + c3 X Y, X and Y from the hub. The nearest place is inside the cell, where a
-twisted one is hollow along the axle; on its edges, where bilinear ground has its ridges; or on one of the tread's rims.
+In a cell the terrain is h = c0 + c1 X + c2 Y + c3 X Y, X and Y from the hub. A minimum lies inside the cell, where a
+twisted one is
+concave along the axle; on its edges, where bilinear terrain has its ridges; or on one of the tread's rims.
 """
 
 from __future__ import annotations
@@ -17,9 +18,9 @@ from ..model.wheel import (
     AX,
     AY,
     AZ,
-    BENDS,
     CELL,
     COS,
+    DERIVATIVES,
     ENDS,
     EX,
     EY,
@@ -48,10 +49,21 @@ def search_flat_cell(
     far_x: float, far_y: float, follow: bool,
     lowest: Array, keep: float, contacts: Array, count: int,
 ) -> int:  # fmt: skip
-    """Note the local minima of the gap over the cell whose low corner is (x0, y0) from the hub; corners a b / d e.
+    """Find the local minima of the gap over a bilinear cell.
 
-    No tread lies below the plane of `tangent_plane`, nor farther from the hub than far_x, far_y. To `follow` a contact,
-    only its own rim is searched, or what lies inside the tread.
+    PLANE must hold a plane that is nowhere above the tread.
+
+    Args:
+        w: (WHEEL_SIZE,) wheel; CELL is filled.
+        a, b, d, e: m, heights at the cell's corners: low and high x at low y, low and high x at high y.
+        x0, y0: m, its low corner from the hub.
+        dx, dy: m, its sizes.
+        far_x, far_y: m, reach of the wheel from its hub.
+        follow: True to search only the rim of the tracked contact, or the tread's inside.
+        lowest, keep, contacts, count: as `wheel.keep_lower_contact` takes them.
+
+    Returns:
+        The new count.
     """
     sx, sy, twist = (b - a) / dx, (d - a) / dy, (a - b - d + e) / (dx * dy)
     w[CELL + 3] = twist
@@ -78,7 +90,7 @@ def search_flat_cell(
         if follow:
             return count
         if w[HZ] - half * abs(w[AZ]) - top < max(lowest[GAP], keep):
-            # ground as high as the axle: the tread's upper side, hollow from below, may come nearest it over a corner
+            # terrain as high as the axle: the minimum may be on the tread's upper side, over a corner
             count = _inside_tread(w, -1.0, x0, y0, a, lowest, keep, contacts, count)
             count = _inside_tread(w, -1.0, x1, y0, b, lowest, keep, contacts, count)
             count = _inside_tread(w, -1.0, x0, y1, d, lowest, keep, contacts, count)
@@ -97,9 +109,17 @@ def search_flat_cell(
 def rim_over_cell(
     w: Array, s: float, x0: float, x1: float, y0: float, y1: float, sign: float, ends: Array
 ) -> int:  # fmt: skip
-    """Where the rim at s enters and leaves a cell: its lower half (sign 1) or upper one (-1), as unit vectors (sin φ, cos φ).
+    """Find the pieces of half a rim over a cell.
 
-    Fills ends (2 n, 2), from and to of each piece with φ growing, and returns n.
+    Args:
+        w: (WHEEL_SIZE,) wheel.
+        s: m, position of the rim along the axle.
+        x0, x1, y0, y1: m, the cell from the hub.
+        sign: 1 for the rim's lower half, -1 for its upper half.
+        ends: (HALVES + 2 n, 2) filled from row HALVES on with both ends (sin φ, cos φ) of each piece, φ growing.
+
+    Returns:
+        Number of pieces.
     """
     r = w[RADIUS]
     n = 1
@@ -145,13 +165,25 @@ HALVES = 10  # crossings of one half of a rim with four lines, and its two ends
 
 @inlined
 def ends_of(w: Array) -> Array:
-    """The wheel's room for `rim_over_cell`: HALVES crossings, and the ends of as many pieces less one."""
-    return w[ENDS:BENDS].reshape(HALVES + 2 * (HALVES - 1), 2)
+    """Return the wheel's memory for `rim_over_cell`.
+
+    It has room for HALVES crossings and for both ends of HALVES - 1 pieces.
+
+    Args:
+        w: (WHEEL_SIZE,) wheel.
+    """
+    return w[ENDS:DERIVATIVES].reshape(HALVES + 2 * (HALVES - 1), 2)
 
 
 @njit
 def middle(ls: float, lc: float, rs: float, rc: float, sign: float) -> tuple[float, float]:
-    """The unit vector half way round from one to another, no more than half a turn apart."""
+    """Return the unit vector half way between two, which are at most half a turn apart.
+
+    Args:
+        ls, lc: sin φ, cos φ of the first.
+        rs, rc: of the second.
+        sign: cosine to return if they are opposite.
+    """
     s, c = ls + rs, lc + rc
     size = math.sqrt(s * s + c * c)
     if size < 1e-9:
@@ -164,25 +196,37 @@ def _rim(
     w: Array, s: float, x0: float, x1: float, y0: float, y1: float, top: float,
     lowest: Array, keep: float, contacts: Array, count: int,
 ) -> int:  # fmt: skip
-    """Local minima of the rim at s over the cell.
+    """Find the local minima of a rim over a cell.
 
-    Over u the rim's height above the ground is hollow where (e3 z) - grad h · (e3 xy) exceeds what the twist can take away:
-    then its lower half has one least place over the cell's surface, and what lies outside the cell has its least where the
-    rim crosses the cell's sides. Where that cannot be said a piece may have two minima: it is quartered.
+    Over u the rim's height above the terrain is convex where (e3 z) - grad h · (e3 xy) exceeds the largest effect of the
+    twist. Its
+    lower half then has one minimum over the cell's surface, and the part outside the cell is lowest where the rim
+    crosses the cell's
+    sides. Elsewhere a piece may have two minima: it is bounded and halved (`_arc`).
+
+    Args:
+        w: (WHEEL_SIZE,) wheel; CELL holds the terrain.
+        s: m, position of the rim along the axle.
+        x0, x1, y0, y1: m, the cell from the hub.
+        top: m, its highest corner.
+        lowest, keep, contacts, count: as `wheel.keep_lower_contact` takes them.
+
+    Returns:
+        The new count.
     """
     gx, gy = w[CELL + 1] + w[CELL + 3] * s * w[AY], w[CELL + 2] + w[CELL + 3] * s * w[AX]
     lean = abs(w[AZ])
-    hollow = w[UZ] - gx * w[UX] - gy * w[UY] > w[RADIUS] * (
+    convex = w[UZ] - gx * w[UX] - gy * w[UY] > w[RADIUS] * (
         max(2.0 * w[CELL + 3] * w[EX] * w[EY], 0.0) + abs(w[CELL + 3]) * lean * (3.0 + lean)
     )
-    if hollow:
-        kept = _hollow_rim(w, s, x0, x1, y0, y1, lowest, keep, contacts, count)
-        hollow = kept >= 0
+    if convex:
+        kept = _convex_rim(w, s, x0, x1, y0, y1, lowest, keep, contacts, count)
+        convex = kept >= 0
         count = max(count, kept)
     ends = ends_of(w)
     for half_turn in range(2):
         sign = 1.0 if half_turn == 0 else -1.0
-        if hollow and sign > 0.0:
+        if convex and sign > 0.0:
             continue
         if sign < 0.0 and w[HZ] + s * w[AZ] - top >= max(lowest[GAP], keep):
             break  # the rim's upper half stays above this ground
@@ -195,12 +239,22 @@ def _rim(
 
 
 @force_inlined
-def _hollow_rim(
+def _convex_rim(
     w: Array, s: float, x0: float, x1: float, y0: float, y1: float, lowest: Array, keep: float, contacts: Array, count: int
 ) -> int:
-    """Local minima of the rim's lower half at s over the cell, where it is hollow over the cell's surface; -1 if Newton fails."""
+    """Find the local minima of a rim's lower half over a cell where it is convex.
+
+    Args:
+        w: (WHEEL_SIZE,) wheel; CELL holds the terrain.
+        s: m, position of the rim along the axle.
+        x0, x1, y0, y1: m, the cell from the hub.
+        lowest, keep, contacts, count: as `wheel.keep_lower_contact` takes them.
+
+    Returns:
+        The new count; -1 if Newton's method does not converge.
+    """
     r = w[RADIUS]
-    # the least place, were the cell's surface to go on: exact where it has no twist, else Newton's start
+    # the minimum over the cell's surface continued: exact without twist, else the start of Newton's method
     x, y = s * w[AX], s * w[AY]
     gx, gy = w[CELL + 1] + w[CELL + 3] * y, w[CELL + 2] + w[CELL + 3] * x
     rise, level = gx * w[EX] + gy * w[EY], w[UZ] - gx * w[UX] - gy * w[UY]
@@ -254,7 +308,13 @@ def _hollow_rim(
 
 @force_inlined
 def _along(w: Array, s: float, sine: float, cosine: float) -> tuple[float, float, float]:
-    """f, f', f'' along the rim: its height over the cell's ground."""
+    """Return the rim's height above the cell's terrain and its first two derivatives by φ, m.
+
+    Args:
+        w: (WHEEL_SIZE,) wheel; CELL holds the terrain.
+        s: m, position of the rim along the axle.
+        sine, cosine: sin φ, cos φ.
+    """
     r = w[RADIUS]
     tx, ty, tz = r * (cosine * w[EX] + sine * w[UX]), r * (cosine * w[EY] + sine * w[UY]), r * sine * w[UZ]
     nx, ny, nz = r * (-sine * w[EX] + cosine * w[UX]), r * (-sine * w[EY] + cosine * w[UY]), r * cosine * w[UZ]
@@ -265,7 +325,7 @@ def _along(w: Array, s: float, sine: float, cosine: float) -> tuple[float, float
 
 @njit
 def _arc(w: Array, s: float, low: float, high: float, lowest: Array, keep: float, contacts: Array, count: int) -> int:
-    """Note every local minimum that can matter of the rim's height f over the cell's terrain on low <= φ <= high.
+    """Find the local minima of the rim's height f above the cell's terrain on an arc.
 
     f is a trigonometric polynomial of degree 2: f'' is a sinusoid of φ plus one of 2 φ, and the sum of their minima is a lower
     bound. A piece is closed if f is proved monotonic on it, to stay above what is sought, or convex; else it is halved.
@@ -329,7 +389,7 @@ def _least_of_wave(even: float, odd: float, a: float, b: float) -> float:
 def _convex_arc(
     w: Array, s: float, a: float, b: float, ga: float, gb: float, lowest: Array, keep: float, contacts: Array, count: int
 ) -> int:
-    """Note the minimum of an arc whose height over the cell's terrain falls at a, rises at b and is convex between.
+    """Find the minimum of a convex arc that falls at a and rises at b.
 
     Args:
         w: (WHEEL_SIZE,) wheel; CELL holds the cell's terrain.
@@ -364,7 +424,19 @@ def _edge(
     w: Array, x: float, y: float, ex: float, ey: float, length: float, h0: float, rise: float,
     lowest: Array, keep: float, contacts: Array, count: int,
 ) -> int:  # fmt: skip
-    """Least of T - h on a straight ground edge from (x, y) along (ex, ey), its height h0 + rise t, inside the tread."""
+    """Find the minimum of T - h inside the tread over a straight edge of the terrain.
+
+    Args:
+        w: (WHEEL_SIZE,) wheel.
+        x, y: m, the edge's start from the hub.
+        ex, ey: its direction.
+        length: m.
+        h0, rise: m and slope: the edge's height is h0 + rise t.
+        lowest, keep, contacts, count: as `wheel.keep_lower_contact` takes them.
+
+    Returns:
+        The new count.
+    """
     r = w[RADIUS]
     u0 = x * w[EX] + y * w[EY]
     du, dv = ex * w[EX] + ey * w[EY], ex * w[VX] + ey * w[VY]
@@ -381,7 +453,18 @@ def _edge(
 def _inside_tread(
     w: Array, sign: float, x: float, y: float, h: float, lowest: Array, keep: float, contacts: Array, count: int
 ) -> int:
-    """Note the point of the tread's lower (sign 1) or upper side (-1) over (x, y), if there is one, above ground of height h."""
+    """Keep the tread's point over a position, if there is one.
+
+    Args:
+        w: (WHEEL_SIZE,) wheel.
+        sign: 1 for the tread's lower side, -1 for its upper side.
+        x, y: m, the position from the hub.
+        h: m, the terrain's height there.
+        lowest, keep, contacts, count: as `wheel.keep_lower_contact` takes them.
+
+    Returns:
+        The new count.
+    """
     r = w[RADIUS]
     u, v = x * w[EX] + y * w[EY], x * w[VX] + y * w[VY]
     square = r * r - u * u
@@ -395,7 +478,18 @@ def _inside_tread(
 
 @njit
 def _inside(w: Array, x0: float, x1: float, y0: float, y1: float, lowest: Array, keep: float, contacts: Array, count: int) -> int:
-    """Least of T - h inside a twisted cell: along the axle the ground must be hollow from above, h_vv < 0."""
+    """Find the minima of T - h inside a twisted cell.
+
+    There are none unless the cell is concave along the axle: h_vv < 0.
+
+    Args:
+        w: (WHEEL_SIZE,) wheel; CELL holds the terrain.
+        x0, x1, y0, y1: m, the cell from the hub.
+        lowest, keep, contacts, count: as `wheel.keep_lower_contact` takes them.
+
+    Returns:
+        The new count.
+    """
     hvv = 2.0 * w[CELL + 3] * w[VX] * w[VY]
     if not hvv < -1e-9:
         return count

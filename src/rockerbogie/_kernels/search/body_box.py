@@ -1,9 +1,12 @@
-"""Where the body's box comes near the ground: its lower faces, and their edges and corners.
+"""Contacts and clearance of the body's box: its lower faces, and their edges and corners.
 
-The box's lower side is convex and made of flat faces. Over bilinear ground it comes nearest over a ground node, or along
-one of its own edges, piece by piece between grid lines. Over cubic ground a face may also come nearest inside a cell:
-parts of the cell are quartered, and of an edge halved, until bounds on the spline's second and third derivatives prove
-that a part holds no such place, or one hollow, where Newton finds it.
+The box's lower side is convex and made of plane faces. Over bilinear terrain its minimum gap is over a grid node, or
+on one of its
+edges, piece by piece between grid lines. Over cubic terrain a face may also have a minimum inside a cell: parts of
+the cell are
+quartered, and of an edge halved, until bounds on the spline's second and third derivatives show that a part holds no
+minimum, or that
+the gap is convex over it; Newton's method then finds its minimum.
 """
 
 from __future__ import annotations
@@ -15,7 +18,8 @@ from numpy.typing import NDArray
 
 from ..jit.decorators import njit
 from ..model.ground import META_CUBIC, META_DX, META_DY, META_NX, META_NY, Ground, on_map, surface
-from .cubic_cell import ARRIVED, BENDS_SIZE, XX, XXX, XXY, XY, XYY, YY, YYY, bounded_step, cell_bends
+from ..model.tolerances import CLEARANCE_TIE, MIN_DECREASE, SMALLEST_PART
+from .cubic_cell import DERIVATIVES_SIZE, XX, XXX, XXY, XY, XYY, YY, YYY, bounded_step, derivative_bounds
 from .tread import BLANK, FOUND, OFF
 
 Array = NDArray[np.float64]
@@ -26,15 +30,25 @@ N_GAP, N_X, N_Y, N_Z, N_GX, N_GY = range(6)
 NEAR_SIZE = 6
 NEAR_ROOM = 12
 APART = 0.1  # places closer than this share of the box's length are one
-NO_MATTER = 1e-9  # m
-FINE = 1e-6  # of a cell: what is not decided by then is as near as makes no difference
 
 
 @njit
 def _keep_lower_point(
     near: Array, count: int, apart: float, gap: float, x: float, y: float, z: float, gx: float, gy: float
 ) -> int:
-    """Keep the lowest places, one for each neighbourhood."""
+    """List a point of the box if it is the lowest of its neighbourhood.
+
+    Args:
+        near: (n, NEAR_SIZE) the list.
+        count: number of points listed.
+        apart: m, points closer than this are one neighbourhood.
+        gap: m, the point's gap.
+        x, y, z: m, the point from the body's origin.
+        gx, gy: slope of the contact.
+
+    Returns:
+        The new count.
+    """
     spot = -1
     for k in range(count):
         if abs(near[k, N_X] - x) + abs(near[k, N_Y] - y) < apart:
@@ -60,7 +74,13 @@ def _keep_lower_point(
 
 @njit
 def least_clearance(near: Array, count: int, cap: float = math.inf) -> float:
-    """The lowest of the places found, and of `cap`."""
+    """Return the lowest gap of a list, m, at most `cap`.
+
+    Args:
+        near: (n, NEAR_SIZE) the list.
+        count: number of points listed.
+        cap: m.
+    """
     low = cap
     for k in range(count):
         low = min(low, near[k, N_GAP])
@@ -71,14 +91,14 @@ def least_clearance(near: Array, count: int, cap: float = math.inf) -> float:
 def box_over_ground(
     ground: Ground, box: Array, axes: Array, x: float, y: float, z: float, margin: float, near: Array
 ) -> tuple[int, int]:
-    """List the lowest place of the body's box over the terrain, and others up to `margin` higher.
+    """List the lowest point of the body's box, and others up to `margin` higher.
 
     Args:
         ground: terrain.
         box: (6,) low and high corner in the body's frame, m.
         axes: (3, 3) the body's directions in the world, one a row.
         x, y, z: m, the body's origin from the map's first node and the datum.
-        margin: m; 0 for the lowest place alone, within NO_MATTER.
+        margin: m; 0 for the lowest place alone, within CLEARANCE_TIE.
         near: (n, NEAR_SIZE) filled with the places.
 
     Returns:
@@ -86,7 +106,7 @@ def box_over_ground(
         listed), and how many places are listed.
     """
     grid, upper_bound, meta = ground
-    bends = np.empty(BENDS_SIZE)
+    derivatives = np.empty(DERIVATIVES_SIZE)
     low = np.empty(3)  # the box's lower corner in each of its own directions
     high = np.empty(3)
     size = 0.0
@@ -108,7 +128,7 @@ def box_over_ground(
     if not (on_map(meta, x + x_min, y + y_min) and on_map(meta, x + x_max, y + y_max)):
         return OFF, 0
     code, count = FOUND, 0
-    # somewhere on the box the gap is no greater than at these places of its lowest face: what lies higher is passed by
+    # upper bound of the clearance: the gap at five points of the lowest face; higher parts are skipped
     down = 0
     for k in range(1, 3):
         if abs(axes[k, 2]) > abs(axes[down, 2]):
@@ -124,8 +144,8 @@ def box_over_ground(
         gap = z + oz - surface(grid, meta, x + ox, y + oy)[0]
         if gap < cap:
             cap, cap_x, cap_y, cap_z = gap, ox, oy, oz
-    # to list places, ties count; for the lowest alone, what is lower by less than NO_MATTER is not looked for
-    seek = margin + NO_MATTER if margin > 0.0 else -NO_MATTER
+    # ties are listed; for the lowest point alone, a point lower by less than CLEARANCE_TIE is not sought
+    seek = margin + CLEARANCE_TIE if margin > 0.0 else -CLEARANCE_TIE
     for face in range(3):  # the edges' direction; three of them are on the lower side
         a, b = (face + 1) % 3, (face + 2) % 3
         for end in range(3):
@@ -135,7 +155,7 @@ def box_over_ground(
             sy = axes[a, 1] * pa + axes[b, 1] * pb + axes[face, 1] * box[face]
             sz = axes[a, 2] * pa + axes[b, 2] * pb + axes[face, 2] * box[face]
             kept = _edge(
-                ground, bends, x, y, z, sx, sy, sz, axes[face, 0], axes[face, 1], axes[face, 2], box[3 + face] - box[face],
+                ground, derivatives, x, y, z, sx, sy, sz, axes[face, 0], axes[face, 1], axes[face, 2], box[3 + face] - box[face],
                 cap, seek, apart, near, count,
             )  # fmt: skip
             if kept < 0:
@@ -194,13 +214,17 @@ def box_over_ground(
                 # beside missing data the upper bound of a known cell may be infinite
                 if room > least_clearance(near, count, cap) + seek:
                     continue
-                known = math.isfinite(r0 + r1 + r2 + r3) if meta[META_CUBIC] == 0.0 else cell_bends(grid, i, j, dx, dy, bends)
+                known = (
+                    math.isfinite(r0 + r1 + r2 + r3)
+                    if meta[META_CUBIC] == 0.0
+                    else derivative_bounds(grid, i, j, dx, dy, derivatives)
+                )
                 if not known:
                     code = BLANK
                     continue
                 if meta[META_CUBIC] != 0.0:
                     count = _face_over_cell(
-                        grid, meta, bends, x, y, z, west, east, south, north, c0, gx, gy, box, a, b,
+                        grid, meta, derivatives, x, y, z, west, east, south, north, c0, gx, gy, box, a, b,
                         axes[a, 2] * c0, ax, ay, axes[b, 2] * c0, bx, by, cap, seek, apart, near, count,
                     )  # fmt: skip
                     continue
@@ -221,14 +245,14 @@ def box_over_ground(
 
 @njit
 def _edge(
-    ground: Ground, bends: Array, x: float, y: float, z: float, sx: float, sy: float, sz: float,
+    ground: Ground, derivatives: Array, x: float, y: float, z: float, sx: float, sy: float, sz: float,
     ex: float, ey: float, ez: float, length: float, cap: float, seek: float, apart: float, near: Array, count: int,
 ) -> int:  # fmt: skip
     """List where an edge of the box is near the terrain, cell by cell.
 
     Args:
         ground: terrain.
-        bends: (BENDS_SIZE,) scratch.
+        derivatives: (DERIVATIVES_SIZE,) scratch.
         x, y, z: m, the body's origin.
         sx, sy, sz: m, the edge's start from there.
         ex, ey, ez: its direction.
@@ -245,7 +269,7 @@ def _edge(
     t = 0.0
     known = True
     while t < length:
-        # the piece up to the next grid line: it is told from its middle which cell it is in
+        # the piece up to the next grid line: its middle gives the cell that it is in
         following = length
         for axis in range(2):
             e, at, step = (ex, x + sx + t * ex, dx) if axis == 0 else (ey, y + sy + t * ey, dy)
@@ -258,7 +282,7 @@ def _edge(
         middle = 0.5 * (t + following)
         i = min(max(int(math.floor((x + sx + middle * ex) / dx)), 0), int(meta[META_NX]) - 2)
         j = min(max(int(math.floor((y + sy + middle * ey) / dy)), 0), int(meta[META_NY]) - 2)
-        # over the roof the edge bends alike all along the piece
+        # over the upper bound the second derivative along the edge is constant
         r0, r1, r2, r3 = upper_bound[j, i], upper_bound[j, i + 1], upper_bound[j + 1, i], upper_bound[j + 1, i + 1]
         u, v = (x + sx + t * ex) / dx - i, (y + sy + t * ey) / dy - j
         du, dv = (following - t) * ex / dx, (following - t) * ey / dy
@@ -269,12 +293,16 @@ def _edge(
             t = following
             continue
         if meta[META_CUBIC] != 0.0:
-            if not cell_bends(grid, i, j, dx, dy, bends):
+            if not derivative_bounds(grid, i, j, dx, dy, derivatives):
                 known = False
                 t = following
                 continue
             twice = 2.0 * ex * ey
-            low = -(bends[XX + 1] * ex * ex + max(bends[XY] * twice, bends[XY + 1] * twice) + bends[YY + 1] * ey * ey)
+            low = -(
+                derivatives[XX + 1] * ex * ex
+                + max(derivatives[XY] * twice, derivatives[XY + 1] * twice)
+                + derivatives[YY + 1] * ey * ey
+            )
         else:
             low = -2.0 * ex * ey * (grid[j, i] - grid[j, i + 1] - grid[j + 1, i] + grid[j + 1, i + 1]) / (dx * dy)
         if not math.isfinite(low):
@@ -291,8 +319,18 @@ def _on_edge(
     grid: Array, meta: Array, x: float, y: float, z: float, sx: float, sy: float, sz: float, ex: float, ey: float, ez: float,
     t: float, inner: float,
 ) -> tuple[float, float, float, float]:  # fmt: skip
-    """Height of the edge's point at t over the ground, its change along the edge, and the ground's slope: all of the cell
-    that the point at `inner` is in."""
+    """Evaluate an edge of the box over the cell that holds the point at `inner`, extended to t.
+
+    Args:
+        grid, meta: terrain.
+        x, y, z: m, the body's origin.
+        sx, sy, sz: m, the edge's start from there.
+        ex, ey, ez: its direction.
+        t, inner: m along the edge.
+
+    Returns:
+        Height above the terrain at t, m, its change along the edge, and the terrain's slope along x and y.
+    """
     h, gx, gy, _, _, _ = surface(grid, meta, x + sx + inner * ex, y + sy + inner * ey)
     slope = ez - gx * ex - gy * ey
     return z + sz + inner * ez - h + slope * (t - inner), slope, gx, gy
@@ -304,13 +342,28 @@ def _piece(
     ex: float, ey: float, ez: float, start: float, stop: float, length: float, cap: float, seek: float, apart: float,
     near: Array, count: int,
 ) -> int:  # fmt: skip
-    """The low places of an edge's piece within one cell, along which the height over the ground bends by no less than
-    `least_bend`. Those at its ends are low places of the edge too, or its next piece goes on falling."""
-    hair = 1e-9 * (stop - start)
+    """List the low points of an edge's piece within one cell.
+
+    A minimum at an end of the piece is one of the edge too, or the gap falls further in the next piece.
+
+    Args:
+        grid, meta: terrain.
+        least_bend: 1/m, lower bound of the gap's second derivative along the piece.
+        x, y, z: m, the body's origin.
+        sx, sy, sz: m, the edge's start from there.
+        ex, ey, ez: its direction.
+        start, stop: m, the piece.
+        length: m, the edge.
+        cap, seek, apart, near, count: as `_edge` takes them.
+
+    Returns:
+        The new count.
+    """
+    inset = 1e-9 * (stop - start)
     a, b = start, stop
-    fa, ga, ax, ay = _on_edge(grid, meta, x, y, z, sx, sy, sz, ex, ey, ez, a, a + hair)
+    fa, ga, ax, ay = _on_edge(grid, meta, x, y, z, sx, sy, sz, ex, ey, ez, a, a + inset)
     while a < stop:
-        fb, gb, bx, by = _on_edge(grid, meta, x, y, z, sx, sy, sz, ex, ey, ez, b, b - hair)
+        fb, gb, bx, by = _on_edge(grid, meta, x, y, z, sx, sy, sz, ex, ey, ez, b, b - inset)
         span = b - a
         slack = 0.5 * max(-least_bend, 0.0) * span
         down, up = ga - slack, gb + slack
@@ -321,7 +374,7 @@ def _piece(
         elif down < 0.0:
             if fa + down * (fb - fa - up * span) / (down - up) > limit:
                 f = math.inf
-            elif least_bend > 0.0 or span < FINE * length:
+            elif least_bend > 0.0 or span < SMALLEST_PART * length:
                 left, right = a, b
                 for _ in range(60):
                     t = 0.5 * (left + right) if gb == ga else left - ga * (right - left) / (gb - ga)
@@ -343,7 +396,7 @@ def _piece(
             if t in (start, stop) and 0.0 < t < length:
                 gx, gy = _across_line(grid, meta, x, y, sx, sy, ex, ey, ez, t, 1e-9 * length)
             count = _keep_lower_point(near, count, apart, f, sx + t * ex, sy + t * ey, sz + t * ez, gx, gy)
-        fa, ga, ax, ay = _on_edge(grid, meta, x, y, z, sx, sy, sz, ex, ey, ez, b, min(b + hair, stop))
+        fa, ga, ax, ay = _on_edge(grid, meta, x, y, z, sx, sy, sz, ex, ey, ez, b, min(b + inset, stop))
         a = b
         b = min(a + 2.0 * span, stop)
     return count
@@ -353,8 +406,19 @@ def _piece(
 def _across_line(
     grid: Array, meta: Array, x: float, y: float, sx: float, sy: float, ex: float, ey: float, ez: float, t: float, step: float
 ) -> tuple[float, float]:
-    """The slope of the contact where an edge crosses a grid line: of what lies between the ground's two, the one level
-    along the edge; or the lower side's, if there is none."""
+    """Return the slope of the contact where an edge of the box crosses a grid line.
+
+    It lies between the slopes of the terrain's two sides: the one for which the gap is stationary along the edge, or the
+    nearer end.
+
+    Args:
+        grid, meta: terrain.
+        x, y: m, the body's origin.
+        sx, sy: m, the edge's start from there.
+        ex, ey, ez: its direction.
+        t: m along the edge.
+        step: m, distance at which the sides are evaluated.
+    """
     _, ax, ay, _, _, _ = surface(grid, meta, x + sx + (t - step) * ex, y + sy + (t - step) * ey)
     _, bx, by, _, _, _ = surface(grid, meta, x + sx + (t + step) * ex, y + sy + (t + step) * ey)
     ga, gb = ez - ax * ex - ay * ey, ez - bx * ex - by * ey
@@ -365,13 +429,32 @@ def _across_line(
 
 @njit
 def _face_over_cell(
-    grid: Array, meta: Array, bends: Array, x: float, y: float, z: float, west: float, east: float, south: float, north: float,
-    c0: float, gx: float, gy: float, box: Array, a: int, b: int, a0: float, ax: float, ay: float, b0: float, bx: float, by: float,
+    grid: Array, meta: Array, derivatives: Array, x: float, y: float, z: float,
+    west: float, east: float, south: float, north: float, c0: float, gx: float, gy: float, box: Array, a: int, b: int,
+    a0: float, ax: float, ay: float, b0: float, bx: float, by: float,
     cap: float, seek: float, apart: float, near: Array, count: int,
 ) -> int:  # fmt: skip
-    """The low places of a face over a part of a cubic cell: where the ground is a hill, level with the face."""
+    """List the low points of a face over a part of a cubic cell.
+
+    There the terrain is concave and parallel to the face.
+
+    Args:
+        grid, meta: cubic terrain.
+        derivatives: (DERIVATIVES_SIZE,) bounds on the cell's derivatives.
+        x, y, z: m, the body's origin.
+        west, east, south, north: m, the part from the body's origin.
+        c0, gx, gy: the face's plane c0 + gx X + gy Y, from the body's origin.
+        box: (6,) low and high corner in the body's frame, m.
+        a, b: the face's two axes of the body.
+        a0, ax, ay: the box coordinate along a is a0 + ax X + ay Y.
+        b0, bx, by: the one along b.
+        cap, seek, apart, near, count: as `_edge` takes them.
+
+    Returns:
+        The new count.
+    """
     half_x, half_y = 0.5 * (east - west), 0.5 * (north - south)
-    if bends[XX] > -1e-12 or bends[YY] > -1e-12:
+    if derivatives[XX] > -1e-12 or derivatives[YY] > -1e-12:
         return count
     level, i, j = 0, 0, 0
     rx, ry = half_x, half_y
@@ -382,8 +465,8 @@ def _face_over_cell(
         outside_a = max(box[a] - pa, pa - box[3 + a]) > rx * abs(ax) + ry * abs(ay)
         if not (outside_a or max(box[b] - pb, pb - box[3 + b]) > rx * abs(bx) + ry * abs(by)):
             h, hx, hy, hxx, hxy, hyy = surface(grid, meta, x + ox, y + oy)
-            dxx, dxy = bends[XXX] * rx + bends[XXY] * ry, bends[XXY] * rx + bends[XYY] * ry
-            dyy = bends[XYY] * rx + bends[YYY] * ry
+            dxx, dxy = derivatives[XXX] * rx + derivatives[XXY] * ry, derivatives[XXY] * rx + derivatives[XYY] * ry
+            dyy = derivatives[XYY] * rx + derivatives[YYY] * ry
             fx, fy = gx - hx, gy - hy
             turn_x, turn_y = (abs(hxx) + dxx) * rx + (abs(hxy) + dxy) * ry, (abs(hxy) + dxy) * rx + (abs(hyy) + dyy) * ry
             hill = hxx - dxx < 0.0 and hyy - dyy < 0.0
@@ -395,7 +478,7 @@ def _face_over_cell(
                     px, py, held = ox, oy, -1
                     if xx > 0.0 and yy > 0.0 and xx * yy > xy * xy:
                         px, py, held = _hill(grid, meta, x, y, gx, gy, ox, oy, rx, ry)
-                    if held < 0 and rx >= FINE * half_x:
+                    if held < 0 and rx >= SMALLEST_PART * half_x:
                         split = True
                     else:
                         pa, pb = a0 + ax * px + ay * py, b0 + bx * px + by * py
@@ -408,7 +491,7 @@ def _face_over_cell(
             level, i, j = level + 1, 2 * i, 2 * j
             rx, ry = 0.5 * rx, 0.5 * ry
             continue
-        while level > 0 and i % 2 == 1 and j % 2 == 1:  # the last quarter: back to the whole
+        while level > 0 and i % 2 == 1 and j % 2 == 1:  # the last quarter: return to the part it belongs to
             level, i, j = level - 1, i // 2, j // 2
             rx, ry = 2.0 * rx, 2.0 * ry
         if level == 0:
@@ -423,7 +506,7 @@ def _face_over_cell(
 def _hill(
     grid: Array, meta: Array, x: float, y: float, gx: float, gy: float, xm: float, ym: float, rx: float, ry: float
 ) -> tuple[float, float, int]:
-    """Find where a plane is nearest to terrain that is concave over a part, by Newton's method within the part.
+    """Find the minimum height of a plane above concave terrain, within a part of a cell.
 
     Args:
         grid, meta: cubic terrain.
@@ -440,7 +523,7 @@ def _hill(
         _, hx, hy, hxx, hxy, hyy = surface(grid, meta, x + ox, y + oy)
         fx, fy = gx - hx, gy - hy
         step_x, step_y, held = bounded_step(ox - xm, oy - ym, rx, ry, fx, fy, -hxx, -hxy, -hyy)
-        if held < 0 or abs(fx * step_x + fy * step_y) < ARRIVED:
+        if held < 0 or abs(fx * step_x + fy * step_y) < MIN_DECREASE:
             return ox, oy, held
         ox, oy = min(max(ox + step_x, xm - rx), xm + rx), min(max(oy + step_y, ym - ry), ym + ry)
     return ox, oy, -1

@@ -1,7 +1,8 @@
-"""Where a tread comes nearest to one cell of cubic ground: inside the cell, or on one of the tread's rims.
+"""The minimum of the gap of a tread over one cubic cell.
 
-There may be several such places in a cell. Pieces of it are halved until bounds on the spline's second and third
-derivatives prove that a piece stays above what is sought, or holds one hollow, where Newton finds it.
+It lies inside the cell, or on one of the tread's rims. There may be several minima in a cell. Pieces of it are
+halved until bounds on the spline's second and third derivatives show that a
+piece stays above what is sought, or that the gap is convex over it; Newton's method then finds its minimum.
 """
 
 from __future__ import annotations
@@ -13,14 +14,14 @@ from numpy.typing import NDArray
 
 from ..jit.decorators import inlined, njit
 from ..model.ground import META_DX, META_DY, META_MAX_CURVATURE, surface
-from ..model.tolerances import CELL_MARGIN, GAP_TIE
+from ..model.tolerances import CELL_MARGIN, GAP_TIE, MIN_CONCAVITY, MIN_DECREASE
 from ..model.wheel import (  # fmt: skip
     AX,
     AY,
     AZ,
-    BENDS,
     COS,
     COSINE,
+    DERIVATIVES,
     EX,
     EY,
     GAP,
@@ -46,20 +47,27 @@ Array = NDArray[np.float64]
 # Bounds over one cubic cell: its second derivatives, lowest and highest, and the size of its third ones.
 XX, XY, YY = 0, 2, 4
 XXX, XXY, XYY, YYY = range(6, 10)
-BENDS_SIZE = 10
-FLAT = 1e-9  # 1/m: curvature less concave than this makes no minimum inside a tread that its rims do not have, within 1e-9 m
+DERIVATIVES_SIZE = 10
 FINEST = 20  # times a part is quartered
-ARRIVED = 1e-13  # m: Newton's method on a convex part ends where its step lowers the function by less
 
 
 @njit
-def cell_bends(grid: Array, i: int, j: int, dx: float, dy: float, bends: Array) -> bool:
-    """Fill bends (BENDS_SIZE,) for the cell: a spline's derivative lies within the differences of its coefficients. False
-    where one of these is not known."""
+def derivative_bounds(grid: Array, i: int, j: int, dx: float, dy: float, derivatives: Array) -> bool:
+    """Compute bounds on the spline's derivatives over a cell: differences of its coefficients.
+
+    Args:
+        grid: coefficients, m.
+        i, j: column and row of the cell.
+        dx, dy: m, node spacing.
+        derivatives: (DERIVATIVES_SIZE,) filled: lowest and highest second derivatives, 1/m, and largest third ones, 1/m².
+
+    Returns:
+        False if a coefficient is missing.
+    """
     total = 0.0
     for k in range(3):
-        bends[2 * k], bends[2 * k + 1] = math.inf, -math.inf
-    bends[XXX:] = 0.0
+        derivatives[2 * k], derivatives[2 * k + 1] = math.inf, -math.inf
+    derivatives[XXX:] = 0.0
     for m in range(4):
         for n in range(4):
             row, col = j + m, i + n
@@ -67,31 +75,35 @@ def cell_bends(grid: Array, i: int, j: int, dx: float, dy: float, bends: Array) 
             total += c
             if n < 2:
                 second = c - 2.0 * grid[row, col + 1] + grid[row, col + 2]
-                bends[XX], bends[XX + 1] = min(bends[XX], second), max(bends[XX + 1], second)
+                derivatives[XX], derivatives[XX + 1] = min(derivatives[XX], second), max(derivatives[XX + 1], second)
                 if n == 0:
-                    bends[XXX] = max(bends[XXX], abs(grid[row, col + 3] - c + 3.0 * (grid[row, col + 1] - grid[row, col + 2])))
+                    derivatives[XXX] = max(
+                        derivatives[XXX], abs(grid[row, col + 3] - c + 3.0 * (grid[row, col + 1] - grid[row, col + 2]))
+                    )
                 if m < 3:
                     above = grid[row + 1, col] - 2.0 * grid[row + 1, col + 1] + grid[row + 1, col + 2]
-                    bends[XXY] = max(bends[XXY], abs(above - second))
+                    derivatives[XXY] = max(derivatives[XXY], abs(above - second))
             if m < 2:
                 second = c - 2.0 * grid[row + 1, col] + grid[row + 2, col]
-                bends[YY], bends[YY + 1] = min(bends[YY], second), max(bends[YY + 1], second)
+                derivatives[YY], derivatives[YY + 1] = min(derivatives[YY], second), max(derivatives[YY + 1], second)
                 if m == 0:
-                    bends[YYY] = max(bends[YYY], abs(grid[row + 3, col] - c + 3.0 * (grid[row + 1, col] - grid[row + 2, col])))
+                    derivatives[YYY] = max(
+                        derivatives[YYY], abs(grid[row + 3, col] - c + 3.0 * (grid[row + 1, col] - grid[row + 2, col]))
+                    )
                 if n < 3:
                     beside = grid[row, col + 1] - 2.0 * grid[row + 1, col + 1] + grid[row + 2, col + 1]
-                    bends[XYY] = max(bends[XYY], abs(beside - second))
+                    derivatives[XYY] = max(derivatives[XYY], abs(beside - second))
             if m < 3 and n < 3:
                 twist = c - grid[row, col + 1] - grid[row + 1, col] + grid[row + 1, col + 1]
-                bends[XY], bends[XY + 1] = min(bends[XY], twist), max(bends[XY + 1], twist)
+                derivatives[XY], derivatives[XY + 1] = min(derivatives[XY], twist), max(derivatives[XY + 1], twist)
     for k in range(2):
-        bends[XX + k] /= dx * dx
-        bends[XY + k] /= dx * dy
-        bends[YY + k] /= dy * dy
-    bends[XXX] /= dx * dx * dx
-    bends[XXY] /= dx * dx * dy
-    bends[XYY] /= dx * dy * dy
-    bends[YYY] /= dy * dy * dy
+        derivatives[XX + k] /= dx * dx
+        derivatives[XY + k] /= dx * dy
+        derivatives[YY + k] /= dy * dy
+    derivatives[XXX] /= dx * dx * dx
+    derivatives[XXY] /= dx * dx * dy
+    derivatives[XYY] /= dx * dy * dy
+    derivatives[YYY] /= dy * dy * dy
     return math.isfinite(total)
 
 
@@ -100,15 +112,26 @@ def search_curved_cell(
     grid: Array, meta: Array, w: Array, i: int, j: int, x0: float, x1: float, y0: float, y1: float,
     lowest: Array, keep: float, contacts: Array, count: int,
 ) -> int:  # fmt: skip
-    """Note the local minima of the gap over the part x0..x1, y0..y1 (from the hub) of cell (i, j); -1 if it is unknown."""
-    bends, ends = w[BENDS : BENDS + BENDS_SIZE], ends_of(w)
-    if not cell_bends(grid, i, j, meta[META_DX], meta[META_DY], bends):
+    """Find the local minima of the gap over a part of a cubic cell.
+
+    Args:
+        grid, meta: cubic terrain (ground.py).
+        w: (WHEEL_SIZE,) wheel.
+        i, j: column and row of the cell.
+        x0, x1, y0, y1: m, the part from the hub.
+        lowest, keep, contacts, count: as `wheel.keep_lower_contact` takes them.
+
+    Returns:
+        The new count; -1 if the cell is missing.
+    """
+    derivatives, ends = w[DERIVATIVES : DERIVATIVES + DERIVATIVES_SIZE], ends_of(w)
+    if not derivative_bounds(grid, i, j, meta[META_DX], meta[META_DY], derivatives):
         return -1
     half = w[HALF]
     if half > 0.0:
-        count = _inside(grid, meta, w, bends, 1.0, x0, x1, y0, y1, lowest, keep, contacts, count)
+        count = _inside(grid, meta, w, derivatives, 1.0, x0, x1, y0, y1, lowest, keep, contacts, count)
         if not _upper_is_clear(grid, meta, w, -half if w[AZ] > 0.0 else half, i, j, max(lowest[GAP] - GAP_TIE, keep)):
-            count = _inside(grid, meta, w, bends, -1.0, x0, x1, y0, y1, lowest, keep, contacts, count)
+            count = _inside(grid, meta, w, derivatives, -1.0, x0, x1, y0, y1, lowest, keep, contacts, count)
     across = 0.5 * (x0 + x1) * w[VX] + 0.5 * (y0 + y1) * w[VY]
     near = 0.5 * ((x1 - x0) * abs(w[VX]) + (y1 - y0) * abs(w[VY])) + w[RADIUS] * abs(w[AZ]) + CELL_MARGIN * (x1 - x0 + y1 - y0)
     for side in range(2 if half > 0.0 else 1):
@@ -126,13 +149,23 @@ def search_curved_cell(
                 high = math.atan2(ends[at + 1, 0], ends[at + 1, 1])
                 if high < low:
                     high += 2.0 * math.pi
-                count = _arc(grid, meta, w, bends, s, low, high, lowest, keep, contacts, count)
+                count = _arc(grid, meta, w, derivatives, s, low, high, lowest, keep, contacts, count)
     return count
 
 
 @njit
 def _upper_is_clear(grid: Array, meta: Array, w: Array, s: float, i: int, j: int, limit: float) -> bool:
-    """Whether the rim's upper half stays above this cell: no spline rises over its greatest coefficient."""
+    """Return True if a rim's upper half stays above a cell.
+
+    No spline exceeds its largest coefficient.
+
+    Args:
+        grid, meta: cubic terrain.
+        w: (WHEEL_SIZE,) wheel.
+        s: m, position of the rim along the axle.
+        i, j: column and row of the cell.
+        limit: m, the gap that it must have.
+    """
     top = -math.inf
     for m in range(4):
         for n in range(4):
@@ -142,7 +175,17 @@ def _upper_is_clear(grid: Array, meta: Array, w: Array, s: float, i: int, j: int
 
 @njit
 def _along(grid: Array, meta: Array, w: Array, phi: float, s: float) -> tuple[float, float, float, float, float]:
-    """f, f', f'' along the rim at φ over cubic ground, and the ground's slope there."""
+    """Return the rim's height above the terrain, its derivatives by φ, and the terrain's slope.
+
+    Args:
+        grid, meta: cubic terrain.
+        w: (WHEEL_SIZE,) wheel.
+        phi: rad.
+        s: m, position of the rim along the axle.
+
+    Returns:
+        f, f', f'', m, and the slope along x and y.
+    """
     r = w[RADIUS]
     sp, cp = math.sin(phi), math.cos(phi)
     x = s * w[AX] + r * (sp * w[EX] - cp * w[UX])
@@ -156,51 +199,69 @@ def _along(grid: Array, meta: Array, w: Array, phi: float, s: float) -> tuple[fl
 
 
 @njit
-def _least_curvature(w: Array, bends: Array, gx: float, gy: float, a: float, b: float) -> float:
-    """f'' of the rim's height over the cell is nowhere less on a ≤ φ ≤ b; (gx, gy) is the ground's slope at a.
+def _least_curvature(w: Array, derivatives: Array, gx: float, gy: float, a: float, b: float) -> float:
+    """Return a lower bound of f'' of the rim's height over the cell on an arc, m.
 
-    f'' / r = A cos φ + B sin φ - r h(t, t), with A, B from the slope, which changes along the arc by the second derivatives.
+    f'' / r = A cos φ + B sin φ - r h(t, t), with A, B from the slope, which changes along the arc by the second
+    derivatives.
+
+    Args:
+        w: (WHEEL_SIZE,) wheel.
+        derivatives: (DERIVATIVES_SIZE,) bounds on the cell's derivatives (`derivative_bounds`).
+        gx, gy: the terrain's slope at a.
+        a, b: rad, the arc's ends.
     """
     r = w[RADIUS]
     ca, cb, sa, sb = math.cos(a), math.cos(b), math.sin(a), math.sin(b)
     top_cos = 1.0 if a <= 0.0 <= b or a <= math.pi <= b else max(abs(ca), abs(cb))
     tx, ty = abs(w[EX]) * top_cos + abs(w[UX]), abs(w[EY]) * top_cos + abs(w[UY])
-    twist = max(abs(bends[XY]), abs(bends[XY + 1]))
-    hollow = max(bends[XX + 1], 0.0) * tx * tx + 2.0 * twist * tx * ty + max(bends[YY + 1], 0.0) * ty * ty
-    by_x = max(abs(bends[XX]), abs(bends[XX + 1])) * tx + twist * ty
-    by_y = max(abs(bends[YY]), abs(bends[YY + 1])) * ty + twist * tx
+    twist = max(abs(derivatives[XY]), abs(derivatives[XY + 1]))
+    curved = max(derivatives[XX + 1], 0.0) * tx * tx + 2.0 * twist * tx * ty + max(derivatives[YY + 1], 0.0) * ty * ty
+    by_x = max(abs(derivatives[XX]), abs(derivatives[XX + 1])) * tx + twist * ty
+    by_y = max(abs(derivatives[YY]), abs(derivatives[YY + 1])) * ty + twist * tx
     even, odd = w[UZ] - gx * w[UX] - gy * w[UY], gx * w[EX] + gy * w[EY]
     ends = min(even * ca + odd * sa, even * cb + odd * sb)
     if not (ends > 0.0 and b - a < 3.0):
         ends = -math.sqrt(even * even + odd * odd)
-    return r * (ends - r * (b - a) * (by_x + by_y)) - r * r * hollow
+    return r * (ends - r * (b - a) * (by_x + by_y)) - r * r * curved
 
 
 @njit
 def _arc(
-    grid: Array, meta: Array, w: Array, bends: Array, s: float, low: float, high: float,
+    grid: Array, meta: Array, w: Array, derivatives: Array, s: float, low: float, high: float,
     lowest: Array, keep: float, contacts: Array, count: int,
 ) -> int:  # fmt: skip
-    """Every local minimum that can matter of the rim's height over the ground on low ≤ φ ≤ high, which lies in one cell.
+    """Find the local minima of a rim's height above the terrain on an arc in one cell.
 
-    A piece of the arc is done with when its height is proved to fall or rise all along, to stay above what is sought,
-    or to be hollow, with one least place; else it is halved.
+    A piece of the arc is closed if its height is shown to be monotonic, to stay above what is sought, or to be convex;
+    else it is halved.
+
+    Args:
+        grid, meta: cubic terrain.
+        w: (WHEEL_SIZE,) wheel.
+        derivatives: (DERIVATIVES_SIZE,) bounds on the cell's derivatives (`derivative_bounds`).
+        s: m, position of the rim along the axle.
+        low, high: rad, the arc's ends.
+        lowest, keep, contacts, count: as `wheel.keep_lower_contact` takes them.
+
+    Returns:
+        The new count.
     """
     a, b = low, high
     fa, ga, _, gx, gy = _along(grid, meta, w, a, s)
     while a < high:
         fb, gb, _, next_gx, next_gy = _along(grid, meta, w, b, s)
         length = b - a
-        curvature = _least_curvature(w, bends, gx, gy, a, b)
+        curvature = _least_curvature(w, derivatives, gx, gy, a, b)
         slack = 0.5 * max(-curvature, 0.0) * length
-        down, up = ga - slack, gb + slack  # slopes of f made hollow: its tangents at a and b bound it from below
+        down, up = ga - slack, gb + slack  # slopes of f made convex: its tangents at a and b bound it from below
         if down >= 0.0:
             count = keep_lower_contact(w, lowest, fa, math.sin(a), math.cos(a), s, keep, contacts, count)
         elif up <= 0.0:
             count = keep_lower_contact(w, lowest, fb, math.sin(b), math.cos(b), s, keep, contacts, count)
         elif fa + down * (fb - fa - up * length) / (down - up) < max(lowest[GAP] - GAP_TIE, keep):
             if curvature > 0.0:
-                count = _hollow_arc(grid, meta, w, s, a, b, ga, gb, lowest, keep, contacts, count)
+                count = _convex_arc(grid, meta, w, s, a, b, ga, gb, lowest, keep, contacts, count)
             elif length > 1e-7:
                 b = 0.5 * (a + b)
                 continue
@@ -213,11 +274,25 @@ def _arc(
 
 
 @njit
-def _hollow_arc(
+def _convex_arc(
     grid: Array, meta: Array, w: Array, s: float, a: float, b: float, ga: float, gb: float,
     lowest: Array, keep: float, contacts: Array, count: int,
 ) -> int:  # fmt: skip
-    """The one least place of an arc that falls at a, rises at b and is hollow between: Newton, bisection to fall back on."""
+    """Find the minimum of a convex arc that falls at a and rises at b.
+
+    Newton's method is used, with bisection.
+
+    Args:
+        grid, meta: cubic terrain.
+        w: (WHEEL_SIZE,) wheel.
+        s: m, position of the rim along the axle.
+        a, b: rad, the arc's ends.
+        ga, gb: m/rad, its slopes there.
+        lowest, keep, contacts, count: as `wheel.keep_lower_contact` takes them.
+
+    Returns:
+        The new count.
+    """
     t = a - ga * (b - a) / (gb - ga)
     f = math.inf
     for _ in range(60):
@@ -238,7 +313,7 @@ def _hollow_arc(
 
 @njit
 def _inside(
-    grid: Array, meta: Array, w: Array, bends: Array, side: float, x0: float, x1: float, y0: float, y1: float,
+    grid: Array, meta: Array, w: Array, derivatives: Array, side: float, x0: float, x1: float, y0: float, y1: float,
     lowest: Array, keep: float, contacts: Array, count: int,
 ) -> int:  # fmt: skip
     """Note the local minima of T - h inside the tread, over a part of a cubic cell.
@@ -251,7 +326,7 @@ def _inside(
     Args:
         grid, meta: cubic terrain (ground.py).
         w: (WHEEL_SIZE,) wheel.
-        bends: (BENDS_SIZE,) bounds on the cell's derivatives (`cell_bends`).
+        derivatives: (DERIVATIVES_SIZE,) bounds on the cell's derivatives (`derivative_bounds`).
         side: 1 for the tread's lower half, -1 for its upper half.
         x0, x1, y0, y1: the part, m from the hub; it lies in one cell.
         best, keep, found, count: as `keep_lower_contact` takes them.
@@ -263,11 +338,15 @@ def _inside(
     vx, vy, ex, ey = w[VX], w[VY], w[EX], w[EY]
     lean = side * w[AZ]
     xx, xy, yy = vx * vx, 2.0 * vx * vy, vy * vy
-    across = bends[XX] * xx + min(bends[XY] * xy, bends[XY + 1] * xy) + bends[YY] * yy
-    if across > -FLAT:
+    across = derivatives[XX] * xx + min(derivatives[XY] * xy, derivatives[XY + 1] * xy) + derivatives[YY] * yy
+    if across > -MIN_CONCAVITY:
         return count
     if side < 0.0:  # T is concave along the wheel, by 1 / (r cos τ) at least: the ground must be more so
-        wheelward = bends[XX] * ex * ex + min(2.0 * bends[XY] * ex * ey, 2.0 * bends[XY + 1] * ex * ey) + bends[YY] * ey * ey
+        wheelward = (
+            derivatives[XX] * ex * ex
+            + min(2.0 * derivatives[XY] * ex * ey, 2.0 * derivatives[XY + 1] * ex * ey)
+            + derivatives[YY] * ey * ey
+        )
         if wheelward * r * w[COS] > -1.0:
             return count
     level, i, j = 0, 0, 0
@@ -284,9 +363,9 @@ def _inside(
         if abs(u) - ru < r and low_s < half * w[COS] and high_s > -half * w[COS]:
             h, gx, gy, hxx, hxy, hyy = surface(grid, meta, w[HX] + x, w[HY] + y)
             dxx, dxy, dyy = (
-                bends[XXX] * rx + bends[XXY] * ry,
-                bends[XXY] * rx + bends[XYY] * ry,
-                bends[XYY] * rx + bends[YYY] * ry,
+                derivatives[XXX] * rx + derivatives[XXY] * ry,
+                derivatives[XXY] * rx + derivatives[XYY] * ry,
+                derivatives[XYY] * rx + derivatives[YYY] * ry,
             )
             h_vv, d_vv = hxx * xx + hxy * xy + hyy * yy, dxx * xx + dxy * abs(xy) + dyy * yy
             h_uv, d_uv = (
@@ -299,7 +378,7 @@ def _inside(
             )
             h_u, h_v = gx * ex + gy * ey, gx * vx + gy * vy
             level_v = abs(w[TAN] - h_v) <= (abs(h_vv) + d_vv) * rv + (abs(h_uv) + d_uv) * ru
-            if h_vv - d_vv < -FLAT and level_v:
+            if h_vv - d_vv < -MIN_CONCAVITY and level_v:
                 rise = (abs(h_uu) + d_uu) * ru + (abs(h_uv) + d_uv) * rv
                 if side > 0.0:
                     falls = _bowl_slope(w, u - ru) - h_u - rise <= 0.0 <= _bowl_slope(w, u + ru) - h_u + rise
@@ -330,7 +409,7 @@ def _inside(
             level, i, j = level + 1, 2 * i, 2 * j
             rx, ry = 0.5 * rx, 0.5 * ry
             continue
-        while level > 0 and i % 2 == 1 and j % 2 == 1:  # the last quarter: back to the whole
+        while level > 0 and i % 2 == 1 and j % 2 == 1:  # the last quarter: return to the part it belongs to
             level, i, j = level - 1, i // 2, j // 2
             rx, ry = 2.0 * rx, 2.0 * ry
         if level == 0:
@@ -361,7 +440,7 @@ def _convex_part(
     grid: Array, meta: Array, w: Array, side: float, xm: float, ym: float, rx: float, ry: float,
     lowest: Array, keep: float, contacts: Array, count: int,
 ) -> int:  # fmt: skip
-    """Note the minimum of T - h over a part where it is convex, if it lies in the part and on the tread.
+    """Find the minimum of T - h over a part where it is convex.
 
     Newton's method with the part's sides as bounds: a coordinate is held at its side while the function falls outwards there. A
     minimum held at a side is not listed: it belongs to the part beyond, or to an edge of the search. It can still be
@@ -397,7 +476,7 @@ def _convex_part(
         step_x, step_y, held = bounded_step(x - xm, y - ym, rx, ry, fx, fy, fxx, fxy, fyy)
         if held < 0:
             return -1
-        if abs(fx * step_x + fy * step_y) < ARRIVED:
+        if abs(fx * step_x + fy * step_y) < MIN_DECREASE:
             # held at a side by a slope that may be rounding: no minimum to list, but a point of the tread all the same
             return _keep_lower_inside(w, side, u, v, h, lowest, keep if held == 0 else -math.inf, contacts, count)
         new_x, new_y = min(max(x + step_x, xm - rx), xm + rx), min(max(y + step_y, ym - ry), ym + ry)
@@ -465,7 +544,7 @@ def _keep_lower_inside(
 
 @njit
 def follow_smooth(grid: Array, meta: Array, w: Array, sine: float, cosine: float, lowest: Array) -> bool:
-    """Fill `lowest` with the least gap of a thin disc, on terrain of less curvature than the disc, by Newton.
+    """Find the smallest gap of a thin disc on terrain less curved than it, by Newton's method.
 
     The rim has one local minimum, in its lower half, if e3z - grad h · e3xy > r B at each of its points, B the greatest curvature
     of the map (docs/design.md). Around the rim grad h · e3xy changes by at most 2 r B |az|: the slope at the contact decides.

@@ -1,8 +1,9 @@
-"""The least height of one wheel's tread over the ground, over the whole tread.
+"""The global minimum of the gap of one wheel, over its whole tread.
 
-The ground's cells under the tread are bounded row by row: the tread's lower side T is convex, so it nowhere lies below
-its tangent planes, and the ground nowhere above its `upper_bound`. Only a cell where the two leave room for a lower gap than
-the best so far is searched, exactly (`bilinear_cell`, `cubic_cell`).
+The terrain's cells under the tread are bounded row by row: the tread's lower side T is convex, so it is nowhere below
+its tangent planes, and the terrain nowhere above its `upper_bound`. A cell is searched (`bilinear_cell`,
+`cubic_cell`) only if the bound is
+below the lowest gap so far.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..jit.decorators import inlined, njit, specialize_on_ground
 from ..model.ground import META_DX, META_DY, META_MAX_CURVATURE, META_NX, META_NY, CubicGround, Ground, on_map
-from ..model.tolerances import CELL_MARGIN, GAP_TIE
+from ..model.tolerances import CELL_MARGIN, GAP_TIE, NEARBY, ONE_CONTACT
 from ..model.wheel import (  # fmt: skip
     AX,
     AY,
@@ -51,8 +52,6 @@ Array = NDArray[np.float64]
 
 ROOM = 12  # local minima of the gap kept of one wheel
 STEPS_PER_CELL = 8
-NEARBY = 1e-3  # of a cell or the radius: distance at which a minimum is compared
-ONE = 0.01  # of the radius: places closer than this are one contact
 FOUND, OFF, BLANK = 0, 1, 2
 SMOOTH = 0.7  # curvature of the map times wheel radius: below this a thin disc is followed by Newton (`follow_smooth`)
 
@@ -61,11 +60,18 @@ SMOOTH = 0.7  # curvature of the map times wheel radius: below this a thin disc 
 def _bound_row(
     upper_bound: Array, j: int, i: int, n: int, dx: float, dy: float, far_x: float, far_y: float, w: Array
 ) -> None:  # fmt: skip
-    """Fill BOUND: no gap over the cells i.. of row j, as far as they reach under the wheel (far_x, far_y from its hub), is
-    lower; inf beside the tread, nan where the ground is unknown.
+    """Fill BOUND with lower bounds of the gap over cells of a row, within the wheel's reach.
 
-    The greater of two bounds: by the tangent plane of T over the middle, and by that at the best contact so far
-    (`tangent_plane`), which is sharp where the ground is smooth.
+    Each is the greater of two: by the tangent plane of T over the middle, and by that at the best contact so far
+    (`tangent_plane`),
+    which is tight on smooth terrain.
+
+    Args:
+        upper_bound: (rows, cols) node heights of a bilinear surface above the terrain, m.
+        j, i, n: row, first column and number of the cells.
+        dx, dy: m, node spacing.
+        far_x, far_y: m, reach of the wheel from its hub.
+        w: (WHEEL_SIZE,) wheel; BOUND is filled: m, inf beside the tread, NaN over missing data.
     """
     level, plane_x, plane_y = w[PLANE], w[PLANE + 1], w[PLANE + 2]
     bound = w[BOUND:]
@@ -73,8 +79,8 @@ def _bound_row(
     over, over_x, over_y = 1.0 / w[COS], 1.0 / dx, 1.0 / dy
     edge = 0.98 * r
     square = r * r
-    hair = CELL_MARGIN * (dx + dy)
-    reach_u, reach_v = r + hair, w[HALF] * w[COS] + r * abs(w[AZ]) + hair
+    margin = CELL_MARGIN * (dx + dy)
+    reach_u, reach_v = r + margin, w[HALF] * w[COS] + r * abs(w[AZ]) + margin
     low_y = j * dy - w[HY]
     y0, y1 = max(low_y, -far_y), min(low_y + dy, far_y)
     v0, v1 = (y0 - low_y) * over_y, (y1 - low_y) * over_y
@@ -104,7 +110,14 @@ def _bound_row(
 
 @inlined
 def tangent_plane(w: Array, sine: float) -> None:
-    """The plane that touches T at u = r sin φ: p0 + p1 X + p2 Y from the hub. T lies nowhere below it."""
+    """Fill PLANE with the tangent plane of T at u = r sin φ.
+
+    It is p0 + p1 X + p2 Y, X and Y from the hub. T is nowhere below it.
+
+    Args:
+        w: (WHEEL_SIZE,) wheel.
+        sine: sin φ, limited to ±0.999.
+    """
     r = w[RADIUS]
     u = min(max(r * sine, -0.999 * r), 0.999 * r)
     q = math.sqrt(r * r - u * u)
@@ -117,7 +130,14 @@ def _search_curved(
     ground: Ground, w: Array, i: int, j: int, far_x: float, far_y: float, follow: bool, keep: float,
     lowest: Array, contacts: Array, count: int,
 ) -> int:  # fmt: skip
-    """`_search_cell` on cubic ground."""
+    """Search a cell of cubic terrain: `_search_cell`.
+
+    Args:
+        ground, w, i, j, far_x, far_y, follow, keep, lowest, contacts, count: as `_search_cell` takes them.
+
+    Returns:
+        The new count; -1 if the cell is missing.
+    """
     grid, _, meta = ground
     dx, dy = meta[META_DX], meta[META_DY]
     x0, y0 = i * dx - w[HX], j * dy - w[HY]
@@ -131,7 +151,14 @@ def _search_flat(
     ground: Ground, w: Array, i: int, j: int, far_x: float, far_y: float, follow: bool, keep: float,
     lowest: Array, contacts: Array, count: int,
 ) -> int:  # fmt: skip
-    """`_search_cell` on linear ground."""
+    """Search a cell of bilinear terrain: `_search_cell`.
+
+    Args:
+        ground, w, i, j, far_x, far_y, follow, keep, lowest, contacts, count: as `_search_cell` takes them.
+
+    Returns:
+        The new count; -1 if the cell is missing.
+    """
     grid, _, meta = ground
     dx, dy = meta[META_DX], meta[META_DY]
     a, b, d, e = grid[j, i], grid[j, i + 1], grid[j + 1, i], grid[j + 1, i + 1]
@@ -146,12 +173,29 @@ def _search_cell(
     ground: Ground, w: Array, i: int, j: int, far_x: float, far_y: float, follow: bool, keep: float,
     lowest: Array, contacts: Array, count: int,
 ) -> int:  # fmt: skip
-    """Note the local minima over the cell (i, j), within far_x, far_y of the hub; -1 if its ground is unknown."""
+    """Find the local minima of the gap over a cell.
+
+    Args:
+        ground: terrain.
+        w: (WHEEL_SIZE,) wheel.
+        i, j: column and row of the cell.
+        far_x, far_y: m, reach of the wheel from its hub.
+        follow: True to search only the rim of the tracked contact, or the tread's inside.
+        keep, lowest, contacts, count: as `wheel.keep_lower_contact` takes them.
+
+    Returns:
+        The new count; -1 if the cell is missing.
+    """
     return _search_of(type(ground))(ground, w, i, j, far_x, far_y, follow, keep, lowest, contacts, count)
 
 
 @specialize_on_ground(_search_cell)
 def _search_of(kind: type) -> Any:
+    """Return `_search_cell` for one kind of terrain.
+
+    Args:
+        kind: CubicGround or LinearGround.
+    """
     return _search_curved if kind is CubicGround else _search_flat
 
 
@@ -167,22 +211,23 @@ def least_gap(
     lowest: Array,
     contacts: Array,
 ) -> tuple[int, int]:
-    """Search the whole tread of a wheel for its least gap, or track a contact in its cell.
+    """Search the whole tread of a wheel for its smallest gap, or track a contact in its cell.
 
-    A cell of missing data counts only if a point of the tread lies over its inside. The search then goes on over the known
+    A cell of missing data counts only if a point of the tread lies over its inside. The search then continues over the
+    known
     cells, so that a solver can pass over missing data on its way.
 
     Args:
         ground: terrain.
         w: (WHEEL_SIZE,) wheel.
         sine, cosine, s: a first guess, which only saves time.
-        whole: search the whole tread; if False only the guess's cell and, there, what is like the guess.
-        keep: m, keep local minima of gap <= keep.
-        best: (PLACE_SIZE,) filled with the lowest place; its gap is infinite if no known cell lies under the tread.
-        found: (n, PLACE_SIZE) filled with the local minima kept.
+        whole: True to search the whole tread; False for the guess's cell only and, there, the same part of the tread.
+        keep: m, list local minima of gap <= keep.
+        lowest: (CONTACT_SIZE,) filled with the lowest point; its gap is infinite if no known cell lies under the tread.
+        contacts: (n, CONTACT_SIZE) filled with the local minima listed.
 
     Returns:
-        FOUND, OFF (the map ends under the tread) or BLANK (missing data under it), and how many minima were kept.
+        FOUND, OFF (the map ends under the tread) or BLANK (missing data under it), and the number of minima listed.
     """
     grid, upper_bound, meta = ground
     r, half = w[RADIUS], w[HALF]
@@ -198,7 +243,7 @@ def least_gap(
     smooth = half == 0.0 and keep < 0.0 and r * meta[META_MAX_CURVATURE] < SMOOTH
     if smooth and code == FOUND and follow_smooth(grid, meta, w, sine, cosine, lowest):
         return FOUND, 0
-    # following, the contact's own cell says all there is to know
+    # a tracked contact is searched in its cell alone
     lowest[GAP] = gap_at(grid, meta, w, sine, cosine, s) if whole else math.inf
     lowest[SIN], lowest[COSINE], lowest[PLACE] = sine, cosine, s
     if math.isnan(lowest[GAP]) or code == OFF:
@@ -210,11 +255,10 @@ def least_gap(
         if i0 > i1 or j0 > j1:
             lowest[GAP] = math.inf
             return OFF, 0
-    # cells are searched where the wheel is, and a little beyond: a rim that only just reaches its own bounds would else be
-    # lost to rounding
+    # cells are searched slightly beyond the wheel's reach: rounding could otherwise lose a rim that ends at it
     far_x, far_y = 1.001 * out_x, 1.001 * out_y
     count = 0
-    # the cell of the first guess comes first: what it yields bounds the others
+    # the cell of the first guess comes first: its minimum bounds the others
     tangent_plane(w, sine)
     px, py, _ = tread_point(w, sine, cosine, s)
     wi = min(max(int(math.floor((w[HX] + px) / dx)), i0), i1)
@@ -258,7 +302,9 @@ def least_gap(
 
 @inlined
 def cells_within(low: float, high: float, step: float, last: int) -> tuple[int, int]:
-    """Return the first and last cell index that low..high reaches along an axis; the first is greater if it reaches none.
+    """Return the first and last cell of an axis that an interval reaches.
+
+    The first is greater if it reaches none.
 
     Args:
         low, high: m from the map's first node.
@@ -288,8 +334,8 @@ def _covers_cell(w: Array, i: int, j: int, dx: float, dy: float) -> bool:
 def count_contacts(ground: Ground, w: Array, contacts: Array, count: int, keep: float) -> int:
     """Return the number of separate contacts of a tread.
 
-    Two local minima belong to one contact if they are closer than `ONE` of the radius, if the gap is at most `keep` all along the
-    straight line between them in (φ, s), or if both belong to one contact with a third.
+    Two local minima belong to one contact if they are closer than `ONE_CONTACT` of the radius, if the gap is at most `keep`
+    all along the straight line between them in (φ, s), or if both belong to one contact with a third.
 
     Args:
         ground: terrain.
@@ -308,7 +354,7 @@ def count_contacts(ground: Ground, w: Array, contacts: Array, count: int, keep: 
         for j in range(i - 1, -1, -1):
             if label[j] >= 0 and label[i] != label[j]:
                 apart = abs(contacts[i, SIN] - contacts[j, SIN]) * w[RADIUS] + abs(contacts[i, PLACE] - contacts[j, PLACE])
-                if apart < ONE * w[RADIUS] or _joined(ground, w, contacts[i], contacts[j], keep):
+                if apart < ONE_CONTACT * w[RADIUS] or _joined(ground, w, contacts[i], contacts[j], keep):
                     old = label[i]
                     for k in range(i + 1):
                         if label[k] == old:
@@ -358,7 +404,7 @@ def _is_minimum(ground: Ground, w: Array, a: Array) -> bool:
 
 @njit
 def _joined(ground: Ground, w: Array, a: Array, b: Array, keep: float) -> bool:
-    """Return True if the gap is at most `keep` along the straight line between two contacts in (φ, s).
+    """Return True if the gap is at most `keep` along the line between two contacts in (φ, s).
 
     The gap is computed in steps of 1 / STEPS_PER_CELL of a cell. Where a step crosses a grid line of both axes, the
     piece over the cell between is computed too.

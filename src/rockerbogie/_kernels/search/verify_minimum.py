@@ -1,8 +1,10 @@
-"""Whether a place found by following is the nearest of the whole tread to smooth cubic ground.
+"""Verification that a tracked contact is the global minimum, on smooth cubic terrain.
 
-Along a rim the gap is hollow where the ground bends less than the rim: one place is the least then. What remains is how
-those least gaps m(s) change over the width: m'' lies between bounds, and from one end of the width, the other, or inside,
-these may prove that m is nowhere lower. Where they do not, the whole tread is searched.
+Along a rim the gap is convex where the terrain is less curved than the rim: there is one minimum. What remains is
+how these
+minima m(s) vary over the width. m'' lies between bounds; from an end of the width or from inside, these may show
+that m is nowhere
+lower. If they do not, the whole tread is searched.
 """
 
 from __future__ import annotations
@@ -15,13 +17,32 @@ from numpy.typing import NDArray
 from ..jit.decorators import inlined, njit
 from ..model.ground import META_DX, META_DY, META_NX, META_NY, Ground, surface
 from ..model.tolerances import VERIFIED_DEPTH
-from ..model.wheel import AX, AY, AZ, BENDS, BENDS_OF_ALL, EX, EY, GAP, HALF, HX, HY, HZ, RADIUS, UX, UY, UZ, gap_at, tread_point
-from .cubic_cell import BENDS_SIZE, XX, XXX, XXY, XY, XYY, YY, YYY, cell_bends
+from ..model.wheel import (
+    AX,
+    AY,
+    AZ,
+    DERIVATIVES,
+    DERIVATIVES_OF_TREAD,
+    EX,
+    EY,
+    GAP,
+    HALF,
+    HX,
+    HY,
+    HZ,
+    RADIUS,
+    UX,
+    UY,
+    UZ,
+    gap_at,
+    tread_point,
+)
+from .cubic_cell import DERIVATIVES_SIZE, XX, XXX, XXY, XY, XYY, YY, YYY, derivative_bounds
 from .tread import FOUND, least_gap
 
 Array = NDArray[np.float64]
 
-CELLS = 16  # most cells under a wheel whose bends are looked up one by one
+CELLS = 16  # most cells under a wheel over which derivatives are bounded
 PIECES = 12  # most pieces that a width is cut into
 
 LEAST, LOWER, UNKNOWN = range(3)
@@ -29,8 +50,19 @@ LEAST, LOWER, UNKNOWN = range(3)
 
 @inlined
 def is_least(ground: Ground, w: Array, sine: float, cosine: float, s: float, lowest: Array, none: Array) -> int:
-    """LEAST where no place of the tread has a lower gap than (φ, s) has, which lies on the ground; LOWER where it fills
-    `lowest` with one; else UNKNOWN. `none` is room for none."""
+    """Check that no point of the tread has a lower gap than a contact.
+
+    Args:
+        ground: terrain.
+        w: (WHEEL_SIZE,) wheel.
+        sine, cosine, s: the contact; its gap is 0.
+        lowest: (CONTACT_SIZE,) filled with the lowest point if the tread was searched.
+        none: (0, CONTACT_SIZE) empty list.
+
+    Returns:
+        LEAST if it is the minimum, LOWER if `lowest` holds a lower point, UNKNOWN if the tread is off the map or over
+        missing data.
+    """
     grid, _, meta = ground
     if _by_bounds(grid, meta, w, sine, cosine, s):
         return LEAST
@@ -42,7 +74,16 @@ def is_least(ground: Ground, w: Array, sine: float, cosine: float, s: float, low
 
 @njit
 def _by_bounds(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s: float) -> bool:
-    """`is_least` by bounds on the ground's second derivatives under the wheel; False where they do not tell."""
+    """Check `is_least` by bounds on the terrain's derivatives under the wheel.
+
+    Args:
+        grid, meta: cubic terrain.
+        w: (WHEEL_SIZE,) wheel.
+        sine, cosine, s: the contact.
+
+    Returns:
+        True if the bounds show it; False decides nothing.
+    """
     r, half = w[RADIUS], w[HALF]
     dx, dy = meta[META_DX], meta[META_DY]
     out_x = half * abs(w[AX]) + r * math.sqrt(w[EX] * w[EX] + w[UX] * w[UX])
@@ -51,18 +92,24 @@ def _by_bounds(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s
     j0, j1 = int(math.floor((w[HY] - out_y) / dy)), int(math.floor((w[HY] + out_y) / dy))
     if i0 < 0 or j0 < 0 or i1 > meta[META_NX] - 2.0 or j1 > meta[META_NY] - 2.0 or (i1 - i0 + 1) * (j1 - j0 + 1) > CELLS:
         return False
-    bends, least = w[BENDS : BENDS + BENDS_SIZE], w[BENDS_OF_ALL : BENDS_OF_ALL + BENDS_SIZE]
+    derivatives, least = (
+        w[DERIVATIVES : DERIVATIVES + DERIVATIVES_SIZE],
+        w[DERIVATIVES_OF_TREAD : DERIVATIVES_OF_TREAD + DERIVATIVES_SIZE],
+    )
     for k in range(3):
         least[2 * k], least[2 * k + 1] = math.inf, -math.inf
     least[XXX:] = 0.0
     for j in range(j0, j1 + 1):
         for i in range(i0, i1 + 1):
-            if not cell_bends(grid, i, j, dx, dy, bends):
+            if not derivative_bounds(grid, i, j, dx, dy, derivatives):
                 return False
             for k in range(3):
-                least[2 * k], least[2 * k + 1] = min(least[2 * k], bends[2 * k]), max(least[2 * k + 1], bends[2 * k + 1])
-            for k in range(XXX, BENDS_SIZE):
-                least[k] = max(least[k], bends[k])
+                least[2 * k], least[2 * k + 1] = (
+                    min(least[2 * k], derivatives[2 * k]),
+                    max(least[2 * k + 1], derivatives[2 * k + 1]),
+                )
+            for k in range(XXX, DERIVATIVES_SIZE):
+                least[k] = max(least[k], derivatives[k])
     curvature = max(max(-least[XX], least[XX + 1]), max(-least[YY], least[YY + 1])) + max(-least[XY], least[XY + 1])
     x, y, _ = tread_point(w, sine, cosine, s)
     _, gx, gy, hxx, hxy, hyy = surface(grid, meta, w[HX] + x, w[HY] + y)
@@ -90,7 +137,7 @@ def _by_bounds(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s
     if abs(s) < half:
         if not along * along <= VERIFIED_DEPTH * crest:
             return False
-        reach = 2.0 * half * crest / vary if vary > 0.0 else math.inf  # so far it stays hollow
+        reach = 2.0 * half * crest / vary if vary > 0.0 else math.inf  # m is convex as far as this
         gap = gap_at(grid, meta, w, sine, cosine, s)
         for way in (1.0, -1.0):
             left = half - way * s - reach
@@ -101,7 +148,7 @@ def _by_bounds(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s
                     return False
         return True
     way = -1.0 if s > 0.0 else 1.0
-    if fall < 0.0:  # hollow all along the axle
+    if fall < 0.0:  # m is convex over the whole width
         off = max(-way * along, 0.0)
         return off * off <= -2.0 * fall * VERIFIED_DEPTH
     gap = gap_at(grid, meta, w, sine, cosine, s)
@@ -113,10 +160,25 @@ def _is_clear(
     grid: Array, meta: Array, w: Array, sine: float, cosine: float, s: float, way: float, left: float,
     here: float, slope: float, gap: float, fall: float, rise: float,
 ) -> bool:  # fmt: skip
-    """Whether the rims' least gaps m, `here` at s and changing by `slope`, are nowhere lower than `gap` as far as `left`.
+    """Check that the minima m of the rims are nowhere below a gap over a range of s.
 
-    From piece to piece: m plus a parabola of curvature `fall` is hollow, so that its tangents at both ends bound it from
-    below; and less one of curvature `rise` it lies above its chord.
+    On each piece, m plus a parabola of curvature `fall` is convex, so its tangents at both ends bound it from below; m
+    minus a parabola of
+    curvature `rise` lies above its chord.
+
+    Args:
+        grid, meta: cubic terrain.
+        w: (WHEEL_SIZE,) wheel.
+        sine, cosine, s: the rim's minimum to start from.
+        way: 1 or -1, direction of s.
+        left: m, length of the range.
+        here: m, the rim's minimum at s.
+        slope: its derivative along `way`.
+        gap: m, the contact's gap.
+        fall, rise: 1/m, bounds: -fall <= m'' <= rise.
+
+    Returns:
+        True if it holds within `VERIFIED_DEPTH`; False decides nothing.
     """
     low, fall = gap - VERIFIED_DEPTH, max(fall, 0.0)
     if not here >= low:
@@ -144,8 +206,17 @@ def _is_clear(
 
 @njit
 def _least_of_rim(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s: float) -> tuple[float, float, float, float]:
-    """The least gap of the rim at s, hollow all along, by Newton from φ; its change with s, and where it is. The gap is nan
-    should that not settle."""
+    """Find the minimum of the gap along a rim, by Newton's method; the gap must be convex there.
+
+    Args:
+        grid, meta: cubic terrain.
+        w: (WHEEL_SIZE,) wheel.
+        sine, cosine: sin φ, cos φ to start from.
+        s: m, position of the rim along the axle.
+
+    Returns:
+        The gap, m, its change per metre of s, and sin φ, cos φ; the gap is NaN if Newton's method does not converge.
+    """
     r = w[RADIUS]
     for _ in range(20):
         tx, ty, tz = r * (cosine * w[EX] + sine * w[UX]), r * (cosine * w[EY] + sine * w[UY]), r * sine * w[UZ]

@@ -1,4 +1,4 @@
-"""The scratch memory of one thread, laid out once for a whole batch."""
+"""The scratch memory of one thread, allocated once for a whole batch."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 class Work(NamedTuple):
-    """What the kernels write in while they settle a pose."""
+    """Scratch arrays of the kernels while they solve one pose."""
 
     hub_offsets: Array  # (6, 5) what steering decides: linkage.stand_feet
     axes: Array  # (3, 3) the body's directions
@@ -35,7 +35,11 @@ WORK_SIZE = 30 + 9 + 12 + 6 * WHEEL_SIZE + 6 * CONTACT_SIZE + 36 + 6 + CONTACT_S
 
 @njit
 def lay_out(buffer: Array) -> Work:
-    """Views into a buffer (WORK_SIZE,) that the caller must keep alive."""
+    """Return views into a buffer.
+
+    Args:
+        buffer: (WORK_SIZE,) memory; the caller must keep it alive.
+    """
     b = unowned_view(buffer)
     n = 0
     hub_offsets = b[n : n + 30].reshape(6, 5)

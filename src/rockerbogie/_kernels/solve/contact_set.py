@@ -1,4 +1,4 @@
-"""All places where a rover is near its ground: of every wheel, and of the belly."""
+"""All contacts and near contacts of a rover: of every wheel and of the body's box."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from ..search.workspace import Work
 
 Array = NDArray[np.float64]
 
-TOUCH = 1e-6  # a gap below this is contact, m
 NEAR = 0.05  # of the smallest wheel's radius: places whose gap exceeds a wheel's least by up to this are listed
 LISTED = 6 * (ROOM + 1) + NEAR_ROOM  # how many there may be
 
@@ -29,23 +28,24 @@ def touch_down(
 ) -> tuple[int, int]:  # fmt: skip
     """Shift q's z so that the rover just touches, and list its near contacts.
 
-    Missing data and the map's edge are passed over: only known terrain touches. The code tells whether there was any.
+    Missing data and the map's edge are passed over: only known terrain is touched.
 
     Args:
         ground: terrain.
-        rover: packed rover (linkage.py).
-        x, y: m, the body's reference point from the map's first node.
-        cy, sy: cos and sin of the heading.
-        q: (6,) z, roll, pitch, rocker, bogies; z is changed.
+        rover: (P_SIZE,) packed rover.
+        x, y: m, the body's origin from the map's first node.
+        cy, sy: cos and sin of yaw.
+        q: (6,) pose; its z is changed.
         full: if False only z is changed.
-        work: scratch; work.touch holds the contacts to start from.
+        work: scratch; work.touch holds the contacts to start from, work.hub_offsets the steering.
         gap: (LISTED,) filled with gaps, m.
-        rows: (LISTED, 6) filled with how each gap changes with q.
-        owner: (LISTED,) filled with the wheel, or 6 for the belly.
+        rows: (LISTED, 6) filled with the change of each gap per unit of each unknown.
+        owner: (LISTED,) filled with the wheel, or 6 for the body.
 
     Returns:
-        FOUND, OFF or BLANK (part of a tread or of the box lies off the map or over missing data), and how many are listed;
-        -1 contacts if a wheel has no known terrain under it or lies on its side (code -1).
+        FOUND, OFF or BLANK (part of a tread or of the box lies off the map or over missing data), and the number of
+        contacts listed;
+        -1 contacts if a wheel has no known terrain under it, or (code -1) lies on its side.
     """
     lowest, contacts, axes, pivots, wheels = work.lowest, work.contacts, work.axes, work.pivots, work.wheels
     near = np.empty((NEAR_ROOM, NEAR_SIZE))

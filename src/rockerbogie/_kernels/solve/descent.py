@@ -1,7 +1,8 @@
-"""The way down: a rover let down so slowly that only its weight, the ground and the drag of its joints have a say.
+"""First equilibrium by quasi-static descent: an overdamped flow of the potential energy.
 
-With drag in proportion to inertia, R dq/dt = -(slope of the height of its mass), no gap below nought, joints within their
-stops. Each step of that flow is a small quadratic programme, implicit in time: where the ground holds, any length is stable.
+With damping in proportion to inertia, R dq/dt = -(gradient of the height of the centre of mass), no gap negative,
+joints within their
+limits. Each step is a small quadratic program, implicit in time: any length is stable while the contacts hold.
 """
 
 from __future__ import annotations
@@ -23,9 +24,9 @@ from .qp import solve_qp
 Array = NDArray[np.float64]
 
 REACH = 0.05  # rad, the longest step
-SHORTEST = 1e-4  # rad: a shorter one that still does not go down as foreseen is left to the programmes of `equilibrium`
+SHORTEST = 1e-4  # rad: a shorter step that does not decrease the energy as predicted is left to `equilibrium`
 PACE, LONGEST = 0.1, 4.0  # time of the first step and the longest, in that of a fall by the rover's own radius of gyration
-SLOW = 1e-3  # rad: what moves less in the longest time is all but at rest
+SLOW = 1e-3  # rad: a pose that moves less in the longest time is near equilibrium
 STEPS = 200
 FALLEN = 1.3  # rad of roll or pitch beyond which the rover has tipped over
 
@@ -34,8 +35,23 @@ FALLEN = 1.3  # rad of roll or pitch beyond which the rover has tipped over
 def build_constraints(
     rover: Array, q: Array, gap: Array, rows: Array, count: int, trust_radius: float, n: Array, b: Array
 ) -> int:
-    """Fill n, b (m, ...) with what bounds a step d, n·d >= b: gaps, stops, and no unknown by more than `trust_radius`.
-    Returns m."""
+    """Write the constraints n_k·d ≥ b_k of a step d.
+
+    They are contacts, joint limits and the trust region.
+
+    Args:
+        rover: (P_SIZE,) packed rover.
+        q: (6,) pose.
+        gap: (m,) gaps, m.
+        rows: (m, 6) their changes.
+        count: number of contacts.
+        trust_radius: largest change of an unknown; inf for none.
+        n: (k, 6) filled.
+        b: (k,) filled.
+
+    Returns:
+        Number of constraints.
+    """
     m = count
     for k in range(count):
         for j in range(6):
@@ -62,7 +78,15 @@ def build_constraints(
 
 @njit
 def damping_weights(rover: Array, hub_offsets: Array, out: Array) -> None:
-    """What resists each unknown (6,), over the rover's mass: that of its links' masses about the axis, joints straight."""
+    """Compute the damping of each unknown.
+
+    It is the moment of inertia of the moving links about its axis, joints straight.
+
+    Args:
+        rover: (P_SIZE,) packed rover.
+        hub_offsets: (6, 5) of `linkage.set_hub_offsets`.
+        out: (6,) filled, m² (1 for z): divided by the rover's mass.
+    """
     out[:] = 0.0
     total = rover[P_BODY]
     x, y, z = rover[P_BODY + 1], rover[P_BODY + 2], rover[P_BODY + 3]
@@ -70,7 +94,7 @@ def damping_weights(rover: Array, hub_offsets: Array, out: Array) -> None:
     out[PITCH] += total * (x * x + z * z)
     for side in range(2):
         pivot = rover[P_PIVOT + 3 * side : P_PIVOT + 3 * side + 3]
-        knee = rover[P_BOGIE_PIVOT + 3 * side : P_BOGIE_PIVOT + 3 * side + 3]
+        bogie_pivot = rover[P_BOGIE_PIVOT + 3 * side : P_BOGIE_PIVOT + 3 * side + 3]
         for part in range(5):  # rocker, bogie, and the three wheels of this side
             i = 2 * (part - 2) + side
             at = P_ROCKER + 4 * side if part == 0 else (P_BOGIE + 4 * side if part == 1 else P_WHEEL + 4 * i)
@@ -80,7 +104,7 @@ def damping_weights(rover: Array, hub_offsets: Array, out: Array) -> None:
             on_bogie = part == 1 or part >= 3
             if on_bogie:
                 out[BOGIE_L + side] += m * (x * x + z * z)
-                x, y, z = x + knee[0], y + knee[1], z + knee[2]
+                x, y, z = x + bogie_pivot[0], y + bogie_pivot[1], z + bogie_pivot[2]
             out[ROCKER] += m * (x * x + z * z)
             x, y, z = x + pivot[0], y + pivot[1], z + pivot[2]
             out[ROLL] += m * (y * y + z * z)
@@ -96,8 +120,23 @@ def let_down(
     ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, work: Work,
     gap: Array, rows: Array, owner: NDArray[np.int64], n: Array, b: Array,
 ) -> tuple[int, int]:  # fmt: skip
-    """Let the rover down from above, level and with straight joints, until it is all but at rest; fills q (6,) and lists
-    its near contacts there. Returns a code and how many, as `touch_down`; -1 if it tips over."""
+    """Compute a first equilibrium by quasi-static descent from above.
+
+    The descent starts horizontal and with straight joints.
+
+    Args:
+        ground: terrain.
+        rover: (P_SIZE,) packed rover.
+        x, y: m, the body's origin from the map's first node.
+        cy, sy: cos and sin of yaw.
+        q: (6,) filled with a pose near the equilibrium.
+        work: scratch; work.hub_offsets holds the steering.
+        gap, rows, owner: filled with the near contacts there (`touch_down`).
+        n, b: scratch for the constraints of `build_constraints`.
+
+    Returns:
+        Code and number of contacts as `touch_down`; -1 contacts with code -1 if the rover tips over.
+    """
     hub_offsets, axes, pivots = work.hub_offsets, work.axes, work.pivots
     force = np.empty(b.size)
     slope, trial, d, resist, inverse = np.empty(6), np.empty(6), np.empty(6), np.empty(6), np.zeros((6, 6))
@@ -139,7 +178,7 @@ def let_down(
         fell = -math.inf
         if found >= 0:
             fell = height - trial[Z] - centre_of_mass(rover, hub_offsets, trial, cy, sy, axes, pivots, next_slope)
-        if not fell > 0.5 * predicted_decrease:  # it met what it had not foreseen: look nearer by
+        if not fell > 0.5 * predicted_decrease:  # it met terrain that the program did not have: take a shorter step
             if size < SHORTEST:
                 break
             pace *= 0.25

@@ -1,16 +1,21 @@
-"""The rover at rest: the least potential energy of its masses with no tread and no belly in the ground, joints in their stops.
+"""Equilibrium mode: a minimum of the potential energy.
 
-Lifting the body by h opens every gap by exactly h. So a pose is made to just touch by one shift of z, and what is left is
-to go down. Of several low places that is sought which the rover reaches on the descent (`descent.let_down`); from near
-there a sequence of small quadratic programmes finds it exactly, each with every near contact of every wheel (not only the
-lowest), the belly's near places, the stops and a trust region. Energy falls at every step taken. Where a step would run
-into ground that the programme did not foresee (a kink: another slope of the same wheel), what it met joins the programme.
+No tread and no body is in the terrain, and joints are within their limits. Lifting the body by h opens every gap by
+exactly h. A pose is therefore made to just touch by one shift of z, and what remains is to
+lower the centre of mass. Of several minima the one is sought that the descent reaches (`descent.let_down`). From
+near there a
+sequence of small quadratic programs finds it exactly. Each has every near contact of every wheel and of the body as
+a constraint, the
+joint limits and a trust region. The energy decreases at every step taken. If a step meets terrain that the program
+did not have
+(a kink: another slope of the same wheel), its contacts join the program.
 
 If the descent tips over or no equilibrium is found after it, `batch.rest_left` solves again from the six-wheel pose of
 contact mode (`settle_from_pose`).
 
-The forces are those of what touches, none below nought, that hold the weight best; if they fail to, the rover does not
-rest there and no pose is given. They are told over the rover's weight.
+The forces are those of the contacts, none negative, that balance the weight best. If they do not, there is no
+equilibrium and no
+pose is given. Forces are stored divided by the rover's weight.
 """
 
 from __future__ import annotations
@@ -24,10 +29,11 @@ from ..jit.decorators import njit
 from ..model.ground import Ground
 from ..model.linkage import P_STOPS, PITCH, ROCKER, ROLL, Z, forward_kinematics
 from ..model.mass import centre_of_mass
+from ..model.tolerances import CONTACT_GAP, LIMIT_MARGIN, MAX_RESIDUAL, MIN_ENERGY_DECREASE
 from ..model.wheel import COSINE, PLACE, SIN
 from ..search.tread import BLANK, FOUND
 from ..search.workspace import Work
-from .contact_set import LISTED, TOUCH, touch_down
+from .contact_set import LISTED, touch_down
 from .descent import FALLEN, build_constraints, let_down
 from .newton import BELLY_CONTACT, CONVERGED, JOINT_STOP, NO_DATA, NOT_CONVERGED, OFF_MAP, TIPPED, WHEEL_LIFTED
 from .qp import invert, solve_qp
@@ -37,9 +43,6 @@ Array = NDArray[np.float64]
 MOST = 200  # programmes
 TRUST = 0.02  # first trust region, rad (and m)
 WIDEST = 0.3
-ON_STOP = 1e-8  # rad
-STILL = 1e-3  # of the weight (times a metre): forces that leave more unheld do not hold the rover
-DONE = 1e-11  # a programme that promises less than this has arrived (m of the centre of mass)
 CUTS = 24  # places met beyond a step that was not taken
 ROWS = LISTED + CUTS
 CONSTRAINTS = ROWS + 6 + 12
@@ -47,7 +50,7 @@ CONSTRAINTS = ROWS + 6 + 12
 # What each pose reports beside q: forces of the wheels and the belly as shares of the weight, and flags.
 R_FORCE = 0  # (6,)
 R_BELLY = 6  # force on the belly
-R_LIFTED = 7  # (6,) 1 where the wheel is in the air
+R_LIFTED = 7  # (6,) 1 if the wheel is off the ground
 R_STOP = 13  # (3,) -1 or +1 where rocker, left, right bogie lie on their low or high stop
 R_SIZE = 16
 
@@ -56,7 +59,9 @@ R_SIZE = 16
 def settle_equilibrium(
     ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, report: Array, work: Work
 ) -> int:
-    """Compute the equilibrium that the rover reaches on the descent from above, level and with straight joints.
+    """Compute the equilibrium that the rover reaches on the descent from above.
+
+    The descent starts horizontal and with straight joints.
 
     Args:
         ground: the packed terrain (ground.Ground).
@@ -121,7 +126,7 @@ def minimize_energy(
     ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, report: Array, work: Work,
     gap: Array, rows: Array, owner: NDArray[np.int64], n: Array, b: Array, count: int, coverage: int,
 ) -> int:  # fmt: skip
-    """Move q to a minimum of the potential energy and compute the contact forces that hold it.
+    """Move q to a minimum of the potential energy and compute the contact forces.
 
     Args:
         ground: the packed terrain (ground.Ground).
@@ -130,7 +135,7 @@ def minimize_energy(
         cy, sy: cosine and sine of the heading.
         q: (6,) a pose that just touches, replaced by the equilibrium, m and rad; NaN on failure.
         report: (R_SIZE,) forces and flags; written, NaN on failure.
-        work: scratch memory; `workspace.feet` holds the steering.
+        work: scratch memory; work.hub_offsets holds the steering.
         gap, rows, owner: (ROWS,), (ROWS, 6), (ROWS,) the contacts of q as `touch_down` lists them; overwritten.
         n, b: (CONSTRAINTS, 6), (CONSTRAINTS,) scratch for the constraints.
         count: number of contacts listed.
@@ -156,7 +161,7 @@ def minimize_energy(
         m = build_constraints(rover, q, gap, rows, count, trust_radius, n, b)
         copy[:] = hessian
         if not (invert(copy, inverse) and solve_qp(inverse, slope, n, b, m, d, force)):
-            reset_hessian(hessian)  # the curvature learnt is spoilt
+            reset_hessian(hessian)  # the Hessian is not positive definite
             trust_radius *= 0.25
             if trust_radius < 1e-9:
                 break
@@ -166,8 +171,10 @@ def minimize_energy(
         for k in range(6):
             predicted_decrease -= slope[k] * d[k]
             size = max(size, abs(d[k]))
-        if predicted_decrease < DONE and size < 1e-6:
-            if cut_constraints > 0 and farthest_cut > 1e-6:  # held by what was met further off: look again, nearer by
+        if predicted_decrease < MIN_ENERGY_DECREASE and size < 1e-6:
+            if (
+                cut_constraints > 0 and farthest_cut > 1e-6
+            ):  # held by contacts met further off: search again with a smaller region
                 trust_radius = 0.3 * farthest_cut
                 count, cut_constraints, farthest_cut = listed, 0, 0.0
                 continue
@@ -177,12 +184,12 @@ def minimize_energy(
         else:
             arrived = False
         if arrived:
-            if contact_forces(rover, q, slope, gap, rows, count, inverse, n, b, d, force) < STILL:
+            if contact_forces(rover, q, slope, gap, rows, count, inverse, n, b, d, force) < MAX_RESIDUAL:
                 if coverage != FOUND:
                     q[:] = report[:] = math.nan
                     return NO_DATA if coverage == BLANK else OFF_MAP
                 return classify_equilibrium(rover, q, gap, owner, force, count, report)
-            # no: kinks took for sharp curvature have brought it to a halt. On, with nothing learnt
+            # not an equilibrium: kinks entered the Hessian as curvature and stopped the search; continue with a new one
             reset_hessian(hessian)
             trust_radius = 0.1 * TRUST
             count, cut_constraints, farthest_cut = listed, 0, 0.0
@@ -190,7 +197,7 @@ def minimize_energy(
         for k in range(6):
             trial[k] = q[k] + d[k]
         low_before = height
-        for k in range(6):  # the force each constraint bears pulls on the pose: what the curvature is learnt from
+        for k in range(6):  # gradient of the Lagrangian, from which the Hessian is updated
             old_pull[k] = slope[k]
             for j in range(count):
                 old_pull[k] -= force[j] * rows[j, k]
@@ -206,7 +213,7 @@ def minimize_energy(
             new = trial[Z] + centre_of_mass(rover, hub_offsets, trial, cy, sy, axes, pivots, pull)
         if not stands or not new < low_before - 1e-4 * predicted_decrease + 1e-15:
             before = cut_constraints
-            if stands:  # what it ran into joins the programme: past a kink another slope of the same wheel holds it
+            if stands:  # the contacts met join the program: past a kink the wheel has another slope
                 lift = q[Z] + d[Z] - trial[Z]
                 _, m = touch_down(ground, rover, x, y, cy, sy, trial, True, work, gap, rows, owner)
                 for k in range(m):
@@ -221,7 +228,7 @@ def minimize_energy(
             farthest_cut = max(farthest_cut, size)
             if before > 0 or cut_constraints == 0:
                 trust_radius = 0.25 * min(trust_radius, size)
-            # the pose stands as it was: list its contacts anew
+            # the pose is unchanged: list its contacts again
             code, count = touch_down(ground, rover, x, y, cy, sy, q, True, work, gap, rows, owner)
             height = q[Z] + centre_of_mass(rover, hub_offsets, q, cy, sy, axes, pivots, slope)
             listed = count
@@ -242,7 +249,7 @@ def minimize_energy(
         listed, cut_constraints, farthest_cut = count, 0, 0.0
         for k in range(6):
             pull[k] = slope[k]
-        for i in range(7):  # each bearer's lowest contact carries its force on
+        for i in range(7):  # the lowest contact of each wheel and of the body takes its force
             first = -1
             for j in range(count):
                 if owner[j] == i and (first < 0 or gap[j] < gap[first]):
@@ -257,7 +264,11 @@ def minimize_energy(
 
 @njit
 def reset_hessian(hessian: Array) -> None:
-    """Begin with the same slight curvature in every direction."""
+    """Reset the Hessian to the same small curvature in every direction.
+
+    Args:
+        hessian: (6, 6) filled.
+    """
     for i in range(6):
         for j in range(6):
             hessian[i, j] = 0.5 if i == j else 0.0
@@ -277,19 +288,32 @@ def contact_forces(
     d: Array,
     force: Array,
 ) -> float:
-    """Fill force (count,) with what each touching place bears, no less than nought, so that together with the stops they
-    hold the rover best. Returns by how much they fail to: the steepest way down left open, 0 where the rover rests.
-    A joint that all but lies on its stop is put there."""
+    """Compute the contact forces that balance the weight best.
+
+    None is negative; joint limits take part. A joint within `LIMIT_MARGIN` of its limit is moved to it.
+
+    Args:
+        rover: (P_SIZE,) packed rover.
+        q: (6,) pose; joints may be moved to their limits.
+        slope: (6,) gradient of the energy.
+        gap, rows: (count,), (count, 6) contacts; those up to CONTACT_GAP bear.
+        count: number of contacts.
+        inverse, n, b, d: scratch.
+        force: (count,) filled, divided by the weight.
+
+    Returns:
+        The largest component of the residual, 0 at an equilibrium; inf if the program fails.
+    """
     m = 0
     for k in range(count):
-        if gap[k] <= TOUCH:
+        if gap[k] <= CONTACT_GAP:
             n[m], b[m] = rows[k], 0.0
             m += 1
     for k in range(3):
         for end in range(2):
             sign = 1.0 if end == 0 else -1.0
             stop = rover[(P_STOPS if k == 0 else P_STOPS + 2) + end]
-            if sign * (q[ROCKER + k] - stop) < ON_STOP:
+            if sign * (q[ROCKER + k] - stop) < LIMIT_MARGIN:
                 q[ROCKER + k] = stop
                 n[m], b[m] = 0.0, 0.0
                 n[m, ROCKER + k] = sign
@@ -301,10 +325,10 @@ def contact_forces(
         return math.inf
     m = 0
     for k in range(count):
-        if gap[k] <= TOUCH:
+        if gap[k] <= CONTACT_GAP:
             m += 1
     for k in range(count - 1, -1, -1):
-        if gap[k] <= TOUCH:
+        if gap[k] <= CONTACT_GAP:
             m -= 1
             force[k] = force[m]
         else:
@@ -317,7 +341,14 @@ def contact_forces(
 
 @njit
 def bfgs_update(hessian: Array, moved: Array, pull: Array, old_pull: Array) -> None:
-    """Powell's damped BFGS update of the curvature from how the pull changed along the way."""
+    """Update the Hessian by Powell's damped BFGS formula.
+
+    Args:
+        hessian: (6, 6) replaced.
+        moved: (6,) the step taken.
+        pull: (6,) gradient of the Lagrangian after it.
+        old_pull: (6,) the same before it.
+    """
     bs = np.empty(6)
     sbs = sy = 0.0
     for i in range(6):
@@ -346,14 +377,25 @@ def bfgs_update(hessian: Array, moved: Array, pull: Array, old_pull: Array) -> N
 def classify_equilibrium(
     rover: Array, q: Array, gap: Array, owner: NDArray[np.int64], force: Array, count: int, report: Array
 ) -> int:
-    """Forces and flags of a pose at rest, and its status."""
+    """Write forces and flags of an equilibrium, and return its status.
+
+    Args:
+        rover: (P_SIZE,) packed rover.
+        q: (6,) pose.
+        gap, owner, force: (count,) contacts: gap, m, wheel (6: body), force divided by the weight.
+        count: number of contacts.
+        report: (R_SIZE,) filled.
+
+    Returns:
+        Status code: BELLY_CONTACT, WHEEL_LIFTED, JOINT_STOP or CONVERGED, the first that holds.
+    """
     report[:] = 0.0
     for i in range(6):
         report[R_LIFTED + i] = 1.0
     belly = False
     for k in range(count):
         report[R_FORCE + owner[k]] += force[k]
-        if gap[k] <= TOUCH:
+        if gap[k] <= CONTACT_GAP:
             if owner[k] < 6:
                 report[R_LIFTED + owner[k]] = 0.0
             else:

@@ -1,4 +1,4 @@
-"""Six wheels on the ground: the pose whose six gaps are zero."""
+"""Contact mode: the pose with six zero gaps, by Newton's method."""
 
 from __future__ import annotations
 
@@ -33,7 +33,16 @@ Array = NDArray[np.float64]
 
 @njit
 def _without_bogie(a: Array, b: Array, side: int) -> tuple[float, float, float, float]:
-    """One side's two bogie rows without its bogie angle and without z (by row 0): three coefficients, right hand side."""
+    """Eliminate one side's bogie angle and z from its two bogie rows; z by row 0.
+
+    Args:
+        a: (6, 6) rows of the gaps.
+        b: (6,) right side.
+        side: 0 left, 1 right.
+
+    Returns:
+        Coefficients of roll, pitch and rocker, and the right side.
+    """
     p, o = _pivot(a, side)
     k = a[o, 4 + side] / a[p, 4 + side]
     z = 1.0 - k  # what is left of z's coefficient
@@ -47,7 +56,14 @@ def _without_bogie(a: Array, b: Array, side: int) -> tuple[float, float, float, 
 
 @inlined
 def _pivot(a: Array, side: int) -> tuple[int, int]:
-    """A side's two bogie rows, that which the bogie angle moves more first."""
+    """Return a side's two bogie rows, the pivot row first.
+
+    The pivot row has the larger coefficient of the bogie angle.
+
+    Args:
+        a: (6, 6) rows of the gaps.
+        side: 0 left, 1 right.
+    """
     middle, other = 2 + side, 4 + side
     if abs(a[middle, 4 + side]) >= abs(a[other, 4 + side]):
         return middle, other
@@ -56,8 +72,18 @@ def _pivot(a: Array, side: int) -> tuple[int, int]:
 
 @njit
 def solve_linkage(a: Array, b: Array) -> bool:
-    """Solve a x = b for the linkage's six equations (x in b): rows 0, 1 know no bogie angle, rows 2, 4 only the left
-    one, rows 3, 5 only the right one, and z's coefficient is 1 in all. False where it is singular to rounding."""
+    """Solve the linkage's six linear equations a x = b.
+
+    Rows 0 and 1 have no bogie angle, rows 2 and 4 only the left one, rows 3 and 5 only the right one; z's coefficient is
+    1 in all.
+
+    Args:
+        a: (6, 6) rows of the gaps.
+        b: (6,) right side; replaced by x.
+
+    Returns:
+        False if the equations are singular to rounding; b is then not finite.
+    """
     p1, p2, p3, p = a[1, 1] - a[0, 1], a[1, 2] - a[0, 2], a[1, 3] - a[0, 3], b[1] - b[0]
     q1, q2, q3, q = _without_bogie(a, b, 0)
     r1, r2, r3, r = _without_bogie(a, b, 1)
@@ -80,7 +106,16 @@ def solve_linkage(a: Array, b: Array) -> bool:
 
 @njit
 def stand_on_hubs(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, work: Work) -> None:
-    """A first step, cheap: as if each wheel stood on the ground right under its hub, and that were level."""
+    """Move q by one Newton step, as if each wheel touched horizontal terrain under its hub.
+
+    Args:
+        ground: terrain.
+        rover: (P_SIZE,) packed rover.
+        x, y: m, the body's origin from the map's first node.
+        cy, sy: cos and sin of yaw.
+        q: (6,) pose; replaced. It stays as it is if a wheel lies on its side or the equations are singular.
+        work: scratch; work.hub_offsets holds the steering.
+    """
     grid, _, meta = ground
     wheels, rows, step = work.wheels, work.rows, work.step
     if not forward_kinematics(rover, work.hub_offsets, x, y, cy, sy, q, work.axes, work.pivots, wheels):
@@ -97,7 +132,12 @@ def stand_on_hubs(ground: Ground, rover: Array, x: float, y: float, cy: float, s
 
 @njit
 def move(q: Array, step: Array) -> None:
-    """Take a step, shortened where it would turn anything by more than `MAX_STEP_ANGLE`."""
+    """Add a step to a pose, shortened if an angle of it exceeds `MAX_STEP_ANGLE`.
+
+    Args:
+        q: (6,) pose; replaced.
+        step: (6,) m and rad.
+    """
     big = 0.0
     for k in range(1, 6):
         big = max(big, abs(step[k]))
@@ -110,21 +150,24 @@ def move(q: Array, step: Array) -> None:
 def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, work: Work) -> int:
     """Solve for six zero gaps by Newton's method from q, each gap over the whole tread.
 
-    The contact is found anew at every step, so the gap's slope is that of the touching point alone (the envelope
-    theorem), and the steps converge as fast as Newton's. Missing data and the map's edge are passed over on the way: only
-    the pose found must have known terrain under its treads.
+    The contact is searched again at every step. By the envelope theorem the gap's derivative is that of the contact
+    alone, and
+    convergence is quadratic. Missing data and the map's edge are passed over on the way: only the pose found must have
+    known terrain
+    under its treads.
 
     Args:
         ground: terrain.
-        rover: packed rover (linkage.py).
-        x, y: m, the body's reference point from the map's first node.
-        cy, sy: cos and sin of the heading.
-        q: (6,) z, roll, pitch, rocker, bogies; start on entry, pose on return.
-        work: scratch; work.touch holds the contacts.
+        rover: (P_SIZE,) packed rover.
+        x, y: m, the body's origin from the map's first node.
+        cy, sy: cos and sin of yaw.
+        q: (6,) start on entry, pose on return.
+        work: scratch; work.hub_offsets holds the steering, work.touch the contacts.
 
     Returns:
-        FOUND; OFF or BLANK if a wheel had no known terrain at all under it; these plus FOUND_OVER if a pose was found that has a
-        tread over the map's edge or missing data; -1 if Newton did not converge.
+        FOUND; OFF or BLANK if a wheel had no known terrain at all under it; these plus FOUND_OVER if a pose was found
+        that has a
+        tread over the map's edge or missing data; -1 if Newton's method did not converge.
     """
     grid, _, meta = ground
     axes, pivots, wheels, rows, step, touch = work.axes, work.pivots, work.wheels, work.rows, work.step, work.touch
@@ -147,7 +190,7 @@ def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: floa
         if worst < TOLERANCE:
             if whole:
                 return coverage if coverage == FOUND else coverage + FOUND_OVER
-            whole = True  # settled on the contacts followed: is there a lower one anywhere on the treads?
+            whole = True  # converged on the tracked contacts: search the whole treads for a lower one
             continue
         whole = it >= FOLLOWED or worst < NEARLY
         for i in range(6):
@@ -166,26 +209,37 @@ def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: floa
 
 # Codes as rockerbogie.Status
 CONVERGED, OFF_MAP, NO_DATA, JOINT_STOP, NOT_CONVERGED, WHEEL_LIFTED, BELLY_CONTACT, TIPPED = range(8)
-TOLERANCE = 1e-10  # of every gap, m
-STEPS = 18  # Newton needs three on smooth ground, five on rough; a cycle between two rocks shows by then
-NEARLY = 1e-5  # m: gaps below which Newton is as good as done
-FOLLOWED = 8  # steps in which contacts are followed; from then on they are sought anew each time
+TOLERANCE = 1e-10  # m: every gap at convergence
+STEPS = 18  # Newton steps of one start: 3 suffice on smooth terrain, 5 on rough; a cycle shows by then
+NEARLY = 1e-5  # m: from this gap on, the whole tread is searched at each step
+FOLLOWED = 8  # steps with tracked contacts; the later ones search the whole tread
 STARTS = 32
-STRAYED = 8  # starts that may put a wheel wholly off the known terrain before the place itself counts as off it
+STRAYED = 8  # starts that put a wheel wholly off the known terrain before the search ends
 FOUND_OVER = 8  # added to OFF or BLANK
-EDGE_STARTS = 3  # starts that may lead to a pose across the map's edge before the place counts as off the map
-WIDEST = 1.4  # rad: a settled joint or attitude beyond this is the linkage folded over, not standing
+EDGE_STARTS = 3  # starts that may lead to a pose across the map's edge before the status is OFF_MAP
+WIDEST = 1.4  # rad: a joint or attitude beyond this belongs to a folded linkage, and is refused
 
 
 @njit
 def start_pose(ground: Ground, rover: Array, x: float, y: float, attempt: int, q: Array, touch: Array) -> None:
-    """The pose to start from: level for the first attempt, then leaning and bent by a fixed low-discrepancy sequence."""
+    """Set a start pose.
+
+    The first is horizontal; the others are tilted by a fixed low-discrepancy sequence.
+
+    Args:
+        ground: terrain.
+        rover: (P_SIZE,) packed rover.
+        x, y: m, the body's origin from the map's first node.
+        attempt: index of the attempt, from 0.
+        q: (6,) filled.
+        touch: (6, CONTACT_SIZE) filled with contacts below the hubs.
+    """
     grid, _, meta = ground
     for i in range(6):
         touch[i, GAP], touch[i, SIN], touch[i, COSINE], touch[i, PLACE] = 0.0, 0.0, 1.0, 0.0
     height = surface(grid, meta, x, y)[0]
     if math.isnan(height):
-        height = 0.0  # a hole under the body alone is no matter: begin at the map's middling height
+        height = 0.0  # missing data under the body alone: start at the datum
     q[Z] = height + rover[P_RADIUS] - rover[P_HUB + 2] - rover[P_PIVOT + 2]
     spread = 0.2 + 0.2 * (attempt % 3)
     share = 1.0
@@ -199,19 +253,21 @@ def start_pose(ground: Ground, rover: Array, x: float, y: float, attempt: int, q
 def settle_contact(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, work: Work) -> int:
     """Find a pose whose six gaps are zero, by Newton's method from a fixed sequence of starts.
 
-    The first start is level. Where two contacts of a wheel take turns Newton may cycle; then it starts again from another
-    attitude. The first start that leads to an upright pose over known terrain counts: the answer depends on the arguments alone.
+    The first start is horizontal. If the contacts of a wheel alternate, Newton's method may cycle; the next start then
+    has another
+    attitude. The first start that leads to an upright pose over known terrain counts: the answer depends on the
+    arguments alone.
 
     Args:
         ground: terrain.
-        rover: packed rover (linkage.py).
-        x, y: m, the body's reference point from the map's first node.
-        cy, sy: cos and sin of the heading.
-        q: (6,) filled with the pose, NaN if there is none.
-        work: scratch; work.feet holds the steering.
+        rover: (P_SIZE,) packed rover.
+        x, y: m, the body's origin from the map's first node.
+        cy, sy: cos and sin of yaw.
+        q: (6,) filled with the pose, NaN if none is found.
+        work: scratch; work.hub_offsets holds the steering.
 
     Returns:
-        Status code.
+        Status code: CONVERGED, JOINT_STOP, NOT_CONVERGED, OFF_MAP or NO_DATA.
     """
     strayed, edges, over = 0, 0, FOUND
     for attempt in range(STARTS):
@@ -236,7 +292,12 @@ def settle_contact(ground: Ground, rover: Array, x: float, y: float, cy: float, 
 
 @njit
 def beyond_stops(rover: Array, q: Array) -> bool:
-    """Whether a joint stands beyond its stop."""
+    """Return True if a joint is beyond its limit.
+
+    Args:
+        rover: (P_SIZE,) packed rover.
+        q: (6,) pose.
+    """
     for k in range(3):
         at = P_STOPS if k == 0 else P_STOPS + 2
         if not rover[at] <= q[ROCKER + k] <= rover[at + 1]:
@@ -246,7 +307,7 @@ def beyond_stops(rover: Array, q: Array) -> bool:
 
 @njit
 def covered(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, with_box: bool, work: Work) -> bool:
-    """Return True if all treads of a pose, and the body's box if it matters, lie over known terrain.
+    """Return True if all treads of a pose lie over known terrain, and the box if it matters.
 
     Args:
         ground: terrain.

@@ -1,8 +1,10 @@
-"""A small strictly convex quadratic programme, by the dual active-set method of Goldfarb & Idnani (1983).
+"""A small strictly convex quadratic program.
 
-    least  c·d + d·B d / 2   with   n_k·d ≥ b_k
+The method is the dual active-set method of Goldfarb & Idnani (1983).
 
-It starts at the free minimum and takes in one violated constraint after another, so that no feasible start is needed.
+    minimize  c·d + d·B d / 2   with   n_k·d ≥ b_k
+
+It starts at the unconstrained minimum and adds one violated constraint after another, so no feasible start is needed.
 """
 
 from __future__ import annotations
@@ -13,14 +15,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit.decorators import njit
+from ..model.tolerances import CONSTRAINT_SLACK
 
 Array = NDArray[np.float64]
-SLACK = 1e-13
 
 
 @njit
 def invert(a: Array, out: Array) -> bool:
-    """Inverse of a symmetric positive definite matrix by elimination; false if it is not. Destroys `a`."""
+    """Invert a symmetric positive definite matrix by elimination.
+
+    Args:
+        a: (n, n) matrix; destroyed.
+        out: (n, n) filled with the inverse.
+
+    Returns:
+        False if the matrix is not positive definite.
+    """
     n = a.shape[0]
     for i in range(n):
         for j in range(n):
@@ -44,7 +54,20 @@ def invert(a: Array, out: Array) -> bool:
 
 @njit
 def solve_qp(inverse: Array, c: Array, n: Array, b: Array, count: int, d: Array, force: Array) -> bool:
-    """Fill d (size,) and the multipliers `force` (count,) from B's inverse; false if the constraints cannot all hold."""
+    """Solve the quadratic program.
+
+    Args:
+        inverse: (size, size) inverse of B.
+        c: (size,) linear term.
+        n: (m, size) constraint normals.
+        b: (m,) constraint bounds.
+        count: number of constraints, at most m.
+        d: (size,) filled with the minimum.
+        force: (m,) filled up to `count` with the multipliers, 0 or more.
+
+    Returns:
+        False if the constraints cannot all hold, or if the iterations do not suffice.
+    """
     size = c.size
     active = np.empty(size, np.int64)
     u = np.empty(size + 1)
@@ -59,7 +82,7 @@ def solve_qp(inverse: Array, c: Array, n: Array, b: Array, count: int, d: Array,
             total -= inverse[i, j] * c[j]
         d[i] = total
     for _ in range(20 * (size + count)):
-        worst, pick = -SLACK, -1
+        worst, pick = -CONSTRAINT_SLACK, -1
         for k in range(count):
             s = -b[k]
             for j in range(size):
