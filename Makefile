@@ -10,7 +10,7 @@ reproduce: .venv/run.stamp  ## the paper's section III: figures, data and report
 	$(BIN)/rockerbogie reproduce -o $(OUT)
 
 test: .venv/dev.stamp  ## all tests, then those marked nojit again in plain Python
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -m nojit
 
 test-oldest: .venv-oldest/stamp  ## kernels with the oldest supported numba; test has the newest

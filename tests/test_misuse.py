@@ -83,7 +83,7 @@ SIZES = {"wheel_radius": 0.1, "bogie_pivot": (-0.2, 0.3, 0.1), "hubs": [(0.5, 0.
         ),
         ({"rocker_pivot": [(0, -0.3, 0.2), (0, 0.3, 0.2)]}, "rocker_pivot has its left pivot at y = -0.3 m"),
         ({"bogie_pivot": (-0.2, -0.3, 0.1)}, "bogie_pivot has its left pivot at y = -0.3 m"),
-        ({"hubs": np.multiply(SIZES["hubs"], (1, -1, 1))}, "a left hub does not stand left .* of its right one: y points left"),
+        ({"hubs": np.multiply(SIZES["hubs"], (1, -1, 1))}, "a left hub is not to the left .*: y points left"),
     ],
 )
 def test_exchanged_sides_are_refused(change, says):

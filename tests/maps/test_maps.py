@@ -305,7 +305,7 @@ def test_a_folder_that_is_no_map_is_left_alone(rover: rb.Rover, terrain: rb.Terr
     (tmp_path / "thesis.txt").write_text("years of work")
     (tmp_path / "file").touch()
     for place in (tmp_path, tmp_path / "file"):
-        with pytest.raises(rb.RockerbogieError, match="is there and is no unfinished map"):
+        with pytest.raises(rb.RockerbogieError, match="exists and is not an unfinished map"):
             rb.traversability(rover, terrain, 1, 2.0, store=place)
     with pytest.raises(rb.RockerbogieError, match="cannot make a map in .*file/deeper': Not a directory"):
         rb.traversability(rover, terrain, 1, 2.0, store=tmp_path / "file" / "deeper")

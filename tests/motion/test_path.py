@@ -127,7 +127,7 @@ def test_a_path_prints_as_a_line() -> None:
 
 def test_heading_of_a_route_is_deprecated() -> None:
     numbers = [np.arange(3.0) for _ in range(6)]
-    route = rb.Route(*numbers, crs=None, rover="osr")
+    route = rb.Route(*numbers, crs=None, rover="osr", clearance=numbers[0], time=numbers[0], goal=np.ones(3, dtype=np.int64))
     with pytest.warns(DeprecationWarning, match=r"use Route\.yaw"):
         assert route.heading is route.yaw
     assert "\n" not in repr(route)
