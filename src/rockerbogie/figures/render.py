@@ -181,7 +181,7 @@ def render(mesh: Mesh, camera: Camera, *, sun: tuple[float, float], grid: float 
     pixel = float(np.linalg.norm(mesh.corners[0, 0] - camera.eye)) / camera.scale  # m, about
     image = np.zeros((camera.size[1], camera.size[0], 4))
     raster_kernels.shade(
-        index, seen, mesh.corners, mesh.normals, mesh.colours, mesh.ruled, fine.eye,
+        index, seen, mesh.corners, mesh.normals, np.ascontiguousarray(mesh.colours), mesh.ruled, fine.eye,
         -light.axes[2], shadow, light.axes, light.eye, light.scale, light.shift,
         SHADOW_BIAS * extent, grid, 0.5 * pixel, FINER, image,
     )  # fmt: skip
