@@ -97,7 +97,7 @@ def test_search_finds_the_least_gap_or_says_that_it_cannot_tell(name: str, kind:
             linkage.forward_kinematics(car, work.hub_offsets, *at, q[k], work.axes, work.pivots, work.wheels)
             for i in range(6):
                 code, _ = least_gap(packed, work.wheels[i], 0.0, 1.0, 0.0, True, -math.inf, work.lowest, work.none)
-                if code == FOUND and S[BILINEAR.astray + i * LANES + lane] == 0.0:
+                if code == FOUND and S[BILINEAR.rejected + i * LANES + lane] == 0.0:
                     sure += 1
                     apart += not abs(S[CONTACT.gap + i * LANES + lane] - work.lowest[wheel.GAP]) < 1e-10
     buffer[0] = 0.0

@@ -52,11 +52,11 @@ def start(lanes: Array, grid: Array, meta: Array, rover: Array) -> None:
 
     Reads:  POSE.x, POSE.y, POSE.cy, POSE.sy, POSE.q, POSE.step, POSE.active, POSE.axes, POSE.right, POSE.rate, WHEEL (all),
             CONTACT (all), CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, LOWEST (all), HOME (all),
-            BILINEAR.col, BILINEAR.row, BILINEAR.astray, SPOT (all)
+            BILINEAR.col, BILINEAR.row, BILINEAR.rejected, SPOT (all)
     Writes: POSE.q, POSE.step, POSE.active, POSE.worst, POSE.axes, POSE.right, POSE.rate, WHEEL.lc, WHEEL.ls, WHEEL.bx,
             WHEEL.bz, WHEEL.br, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz, CONTACT (all),
             CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, LOWEST (all), HOME (all), BILINEAR.col,
-            BILINEAR.row, BILINEAR.astray, SPOT (all)
+            BILINEAR.row, BILINEAR.rejected, SPOT (all)
     """
     height = rover[P_RADIUS] - rover[P_HUB + 2] - rover[P_PIVOT + 2]
     for l in range(LANES):
@@ -163,9 +163,9 @@ def store_contact(lanes: Array, meta: Array, rover: Array, i: int, width: float,
 
     Reads:  POSE.x, POSE.y, POSE.active, WHEEL.ox, WHEEL.oy, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz, CONTACT.sine,
             CONTACT.cosine, CONTACT.offset, CONTACT.gx, CONTACT.gy, CONTACT.gap, LOWEST (all), BILINEAR.col, BILINEAR.row,
-            BILINEAR.astray
+            BILINEAR.rejected
     Writes: CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.tx, CONTACT.ty, CONTACT.tz, CONTACT.gx, CONTACT.gy,
-            CONTACT.gap, BILINEAR.col, BILINEAR.row, BILINEAR.astray
+            CONTACT.gap, BILINEAR.col, BILINEAR.row, BILINEAR.rejected
     """
     i = min(max(i, 0), 5)
     radius = rover[P_RADIUS + i]
@@ -181,7 +181,7 @@ def store_contact(lanes: Array, meta: Array, rover: Array, i: int, width: float,
             lanes[LOWEST.gap + l],
             lanes[POSE.active + l] < least,
         )
-        was_sine, was_cosine, was_offset, was_gap, was_gx, was_gy, was_col, was_row, was_astray = (
+        was_sine, was_cosine, was_offset, was_gap, was_gx, was_gy, was_col, was_row, was_rejected = (
             lanes[CONTACT.sine + k],
             lanes[CONTACT.cosine + k],
             lanes[CONTACT.offset + k],
@@ -190,7 +190,7 @@ def store_contact(lanes: Array, meta: Array, rover: Array, i: int, width: float,
             lanes[CONTACT.gy + k],
             lanes[BILINEAR.col + k],
             lanes[BILINEAR.row + k],
-            lanes[BILINEAR.astray + k],
+            lanes[BILINEAR.rejected + k],
         )
         col, row, gx, gy = lanes[LOWEST.col + l], lanes[LOWEST.row + l], lanes[LOWEST.gx + l], lanes[LOWEST.gy + l]
         vx, vy, az, uz = lanes[WHEEL.vx + k], lanes[WHEEL.vy + k], lanes[WHEEL.az + k], lanes[WHEEL.uz + k]
@@ -198,7 +198,7 @@ def store_contact(lanes: Array, meta: Array, rover: Array, i: int, width: float,
         gx, gy = (steep * vy + tilt * vx if inside else gx), (tilt * vy - steep * vx if inside else gy)
         x, y = lanes[POSE.x + l] + lanes[WHEEL.ox + k], lanes[POSE.y + l] + lanes[WHEEL.oy + k]
         good = (x > reach) & (x < end_x - reach) & (y > reach) & (y < end_y - reach)
-        astray = 0.0 if good & (lanes[LOWEST.doubt + l] >= gap - GAP_TIE) & (abs(gap) < math.inf) else 1.0
+        rejected = 0.0 if good & (lanes[LOWEST.doubt + l] >= gap - GAP_TIE) & (abs(gap) < math.inf) else 1.0
         sine, cosine, offset = (was_sine if kept else sine), (was_cosine if kept else cosine), (was_offset if kept else offset)
         lanes[CONTACT.sine + k], lanes[CONTACT.cosine + k], lanes[CONTACT.offset + k], lanes[CONTACT.gap + k] = (
             sine,
@@ -207,10 +207,10 @@ def store_contact(lanes: Array, meta: Array, rover: Array, i: int, width: float,
             (was_gap if kept else gap),
         )
         lanes[CONTACT.gx + k], lanes[CONTACT.gy + k] = (was_gx if kept else gx), (was_gy if kept else gy)
-        lanes[BILINEAR.col + k], lanes[BILINEAR.row + k], lanes[BILINEAR.astray + k] = (
+        lanes[BILINEAR.col + k], lanes[BILINEAR.row + k], lanes[BILINEAR.rejected + k] = (
             (was_col if kept else col),
             (was_row if kept else row),
-            (was_astray if kept else astray),
+            (was_rejected if kept else rejected),
         )
         u, q = radius * sine, radius * cosine
         along = offset * uz + q * az
@@ -235,10 +235,10 @@ def search(lanes: Array, grid: Array, meta: Array, rover: Array, all_round: bool
     Reads:  POSE.x, POSE.y, POSE.q, POSE.active, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz,
             CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.gx, CONTACT.gy, CONTACT.gap, BOUND (all), RIM (all),
             COLUMN (all), CELL (all), PIECE (all), LOWEST (all), HOME (all), RIM_PIECES (all), TREAD (all), NODES (all),
-            BILINEAR.col, BILINEAR.row, BILINEAR.astray
+            BILINEAR.col, BILINEAR.row, BILINEAR.rejected
     Writes: CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.tx, CONTACT.ty, CONTACT.tz, CONTACT.gx, CONTACT.gy,
             CONTACT.gap, BOUND (all), RIM (all), COLUMN (all), CELL (all), PIECE (all), LOWEST (all), RIM_PIECES (all),
-            TREAD (all), NODES (all), BILINEAR.col, BILINEAR.row, BILINEAR.astray
+            TREAD (all), NODES (all), BILINEAR.col, BILINEAR.row, BILINEAR.rejected
     """
     for i in range(6):
         half = rover[P_HALF + i]
@@ -276,13 +276,13 @@ def track(lanes: Array, grid: Array, meta: Array, rover: Array) -> None:
             RIM.p0, RIM.t0, RIM.a, RIM.b, RIM.c, RIM.d, RIM.rho, RIM.zr, RIM.h2, RIM.q2, RIM.over_h, RIM.over_q, RIM.ac,
             RIM.bd, RIM.e, RIM.swap, RIM.sign, RIM.low_p, RIM.high_p, CELL (all), PIECE (all), LOWEST (all), HOME (all),
             TREAD.zh, TREAD.cos, TREAD.tan, TREAD.over, TREAD.az, TREAD.u0, TREAD.v0, TREAD.u_x, TREAD.u_y, TREAD.v_x,
-            TREAD.v_y, TREAD.over_x, TREAD.over_y, TREAD.det, TREAD.half, BILINEAR.col, BILINEAR.row, BILINEAR.astray
+            TREAD.v_y, TREAD.over_x, TREAD.over_y, TREAD.det, TREAD.half, BILINEAR.col, BILINEAR.row, BILINEAR.rejected
     Writes: CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.tx, CONTACT.ty, CONTACT.tz, CONTACT.gx, CONTACT.gy,
             CONTACT.gap, BOUND.low, RIM (all), CELL (all), PIECE (all), LOWEST (all), TREAD.zh, TREAD.cos, TREAD.tan,
             TREAD.over, TREAD.az, TREAD.u0, TREAD.v0, TREAD.u_x, TREAD.u_y, TREAD.v_x, TREAD.v_y, TREAD.over_x,
             TREAD.over_y, TREAD.aside_x, TREAD.aside_y, TREAD.v_low, TREAD.v_high, TREAD.p_0, TREAD.p_uu, TREAD.p_x,
             TREAD.p_y, TREAD.b_0, TREAD.b_uu, TREAD.b_x, TREAD.b_y, TREAD.col_0, TREAD.row_0, TREAD.col_1, TREAD.row_1,
-            TREAD.det, TREAD.half, TREAD.max_slope_squared, BILINEAR.col, BILINEAR.row, BILINEAR.astray
+            TREAD.det, TREAD.half, TREAD.max_slope_squared, BILINEAR.col, BILINEAR.row, BILINEAR.rejected
     """
     for i in range(6):
         half = rover[P_HALF + i]
@@ -333,7 +333,7 @@ def classify_lanes(lanes: Array, verified: bool) -> bool:
     Returns:
         True if a lane is active.
 
-    Reads:  POSE.q, CONTACT.gap, BILINEAR.astray, BILINEAR.deepest, BILINEAR.fate
+    Reads:  POSE.q, CONTACT.gap, BILINEAR.rejected, BILINEAR.deepest, BILINEAR.fate
     Writes: POSE.active, BILINEAR.deepest, BILINEAR.fate
     """
     largest_gaps(lanes)
@@ -343,7 +343,7 @@ def classify_lanes(lanes: Array, verified: bool) -> bool:
             done, lost = verified and lanes[BILINEAR.deepest + l] < TOLERANCE, not lanes[BILINEAR.deepest + l] < math.inf
             if done:
                 for i in range(6):
-                    lost |= lanes[BILINEAR.astray + i * LANES + l] != 0.0
+                    lost |= lanes[BILINEAR.rejected + i * LANES + l] != 0.0
                 for n in range(1, 6):
                     lost |= abs(lanes[POSE.q + n * LANES + l]) > WIDEST
             lanes[BILINEAR.fate + l] = FAILED if lost else (SETTLED if done else SEARCHING)

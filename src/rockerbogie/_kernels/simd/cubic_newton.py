@@ -180,9 +180,9 @@ def roll_contacts(lanes: Array, rover: Array, meta: Array) -> None:
 
     Reads:  POSE.x, POSE.y, POSE.q, POSE.active, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz,
             CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.tx, CONTACT.ty, CONTACT.tz, CONTACT.gx, CONTACT.gy,
-            CUBIC.h, CUBIC.hxx, CUBIC.hxy, CUBIC.hyy, CUBIC.astray
+            CUBIC.h, CUBIC.hxx, CUBIC.hxy, CUBIC.hyy, CUBIC.rejected
     Writes: CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.tx, CONTACT.ty, CONTACT.tz, CONTACT.gx, CONTACT.gy,
-            CONTACT.gap, CUBIC.turn, CUBIC.astray
+            CONTACT.gap, CUBIC.turn, CUBIC.rejected
     """
     end_x, end_y = (meta[META_NX] - 1.0) * meta[META_DX], (meta[META_NY] - 1.0) * meta[META_DY]
     for i in range(6):
@@ -245,7 +245,7 @@ def roll_contacts(lanes: Array, rover: Array, meta: Array) -> None:
                 & (uz + az * (gx * vx + gy * vy) > sharp * (1.0 + 2.0 * abs(az)))
             )
             good &= (x > reach) & (x < end_x - reach) & (y > reach) & (y < end_y - reach)
-            lanes[CUBIC.astray + k] = live * (0.0 if good else 1.0) + (1.0 - live) * lanes[CUBIC.astray + k]
+            lanes[CUBIC.rejected + k] = live * (0.0 if good else 1.0) + (1.0 - live) * lanes[CUBIC.rejected + k]
 
 
 @fma_njit
@@ -264,7 +264,7 @@ def start(lanes: Array, grid: Array, meta: Array, rover: Array) -> None:
             CUBIC.v, CUBIC.col, CUBIC.row, CUBIC.coef, CUBIC.h, CUBIC.first_sine, CUBIC.first_cosine
     Writes: POSE.q, WHEEL.ox, WHEEL.oy, CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.tx, CONTACT.ty, CONTACT.gx,
             CONTACT.gy, CUBIC.u, CUBIC.v, CUBIC.col, CUBIC.row, CUBIC.coef, CUBIC.h, CUBIC.hxx, CUBIC.hxy, CUBIC.hyy,
-            CUBIC.astray, CUBIC.first_sine, CUBIC.first_cosine
+            CUBIC.rejected, CUBIC.first_sine, CUBIC.first_cosine
     """
     height = rover[P_RADIUS] - rover[P_HUB + 2] - rover[P_PIVOT + 2]
     for l in range(LANES):
@@ -285,7 +285,7 @@ def start(lanes: Array, grid: Array, meta: Array, rover: Array) -> None:
     for i in range(6):
         for l in range(LANES):
             k = i * LANES + l
-            lanes[CONTACT.sine + k], lanes[CONTACT.cosine + k], lanes[CONTACT.offset + k], lanes[CUBIC.astray + k] = (
+            lanes[CONTACT.sine + k], lanes[CONTACT.cosine + k], lanes[CONTACT.offset + k], lanes[CUBIC.rejected + k] = (
                 lanes[CUBIC.first_sine + l],
                 lanes[CUBIC.first_cosine + l],
                 0.0,
@@ -340,11 +340,11 @@ def iterate(lanes: Array, grid: Array, meta: Array, rover: Array, small: float) 
 
     Reads:  POSE.x, POSE.y, POSE.cy, POSE.sy, POSE.q, POSE.step, POSE.active, POSE.worst, POSE.axes, POSE.right, POSE.rate,
             WHEEL (all), CONTACT (all), CUBIC.u, CUBIC.v, CUBIC.col, CUBIC.row, CUBIC.coef, CUBIC.h, CUBIC.hxx, CUBIC.hxy,
-            CUBIC.hyy, CUBIC.turn, CUBIC.astray
+            CUBIC.hyy, CUBIC.turn, CUBIC.rejected
     Writes: POSE.q, POSE.step, POSE.active, POSE.worst, POSE.axes, POSE.right, POSE.rate, WHEEL.lc, WHEEL.ls, WHEEL.bx,
             WHEEL.bz, WHEEL.br, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz, CONTACT (all),
             CUBIC.u, CUBIC.v, CUBIC.col, CUBIC.row, CUBIC.coef, CUBIC.h, CUBIC.hxx, CUBIC.hxy, CUBIC.hyy, CUBIC.turn,
-            CUBIC.astray
+            CUBIC.rejected
     """
     for _ in range(STEPS):
         place_body(lanes, rover)
@@ -376,7 +376,7 @@ def check_converged(lanes: Array) -> None:
     Args:
         lanes: the lane array (`layout`).
 
-    Reads:  POSE.q, POSE.active, CUBIC.astray
+    Reads:  POSE.q, POSE.active, CUBIC.rejected
     Writes: CUBIC.sound
     """
     for l in range(LANES):
@@ -384,11 +384,13 @@ def check_converged(lanes: Array) -> None:
             max(abs(lanes[POSE.q + LANES + l]), max(abs(lanes[POSE.q + 2 * LANES + l]), abs(lanes[POSE.q + 3 * LANES + l]))),
             max(abs(lanes[POSE.q + 4 * LANES + l]), abs(lanes[POSE.q + 5 * LANES + l])),
         )
-        astray = (
+        rejected = (
             lanes[POSE.active + l]
-            + lanes[CUBIC.astray + l]
-            + lanes[CUBIC.astray + LANES + l]
-            + lanes[CUBIC.astray + 2 * LANES + l]
+            + lanes[CUBIC.rejected + l]
+            + lanes[CUBIC.rejected + LANES + l]
+            + lanes[CUBIC.rejected + 2 * LANES + l]
         )
-        astray += lanes[CUBIC.astray + 3 * LANES + l] + lanes[CUBIC.astray + 4 * LANES + l] + lanes[CUBIC.astray + 5 * LANES + l]
-        lanes[CUBIC.sound + l] = 1.0 if (astray == 0.0) & (widest < WIDEST) else 0.0
+        rejected += (
+            lanes[CUBIC.rejected + 3 * LANES + l] + lanes[CUBIC.rejected + 4 * LANES + l] + lanes[CUBIC.rejected + 5 * LANES + l]
+        )
+        lanes[CUBIC.sound + l] = 1.0 if (rejected == 0.0) & (widest < WIDEST) else 0.0

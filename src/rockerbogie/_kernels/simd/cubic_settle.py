@@ -138,13 +138,13 @@ def settle_block(lanes: Array, ground: Ground, rover: Array, count: int, sure: f
 
     Reads:  POSE.x, POSE.y, POSE.cy, POSE.sy, POSE.q, POSE.step, POSE.active, POSE.worst, POSE.axes, POSE.right, POSE.rate,
             WHEEL (all), CONTACT (all), CUBIC.u, CUBIC.v, CUBIC.col, CUBIC.row, CUBIC.coef, CUBIC.h, CUBIC.hxx, CUBIC.hxy,
-            CUBIC.hyy, CUBIC.turn, CUBIC.astray, CUBIC.sound, CUBIC.verdict, CELL.col, CELL.row, CELL.h00, CELL.h01,
-            CELL.h10, CELL.h11, LOWEST (all), HOME (all), BILINEAR.col, BILINEAR.row, BILINEAR.astray, SPOT (all)
+            CUBIC.hyy, CUBIC.turn, CUBIC.rejected, CUBIC.sound, CUBIC.verdict, CELL.col, CELL.row, CELL.h00, CELL.h01,
+            CELL.h10, CELL.h11, LOWEST (all), HOME (all), BILINEAR.col, BILINEAR.row, BILINEAR.rejected, SPOT (all)
     Writes: POSE.q, POSE.step, POSE.active, POSE.worst, POSE.axes, POSE.right, POSE.rate, WHEEL.lc, WHEEL.ls, WHEEL.bx,
             WHEEL.bz, WHEEL.br, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz, CONTACT (all),
             CUBIC.u, CUBIC.v, CUBIC.col, CUBIC.row, CUBIC.coef, CUBIC.h, CUBIC.hxx, CUBIC.hxy, CUBIC.hyy, CUBIC.turn,
-            CUBIC.astray, CUBIC.sound, CUBIC.verdict, CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, LOWEST
-            (all), HOME (all), BILINEAR.col, BILINEAR.row, BILINEAR.astray, SPOT (all)
+            CUBIC.rejected, CUBIC.sound, CUBIC.verdict, CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, LOWEST
+            (all), HOME (all), BILINEAR.col, BILINEAR.row, BILINEAR.rejected, SPOT (all)
     """
     grid, _, meta = ground
     for l in range(LANES):

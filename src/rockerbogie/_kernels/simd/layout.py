@@ -96,7 +96,7 @@ class CubicRows(NamedTuple):
     hxy: int = ALL
     hyy: int = ALL
     turn: int = ALL  # last movement of the contact: |Δφ| + |Δoffset| / reach
-    astray: int = ALL  # flag: the wheel or its contact has left the range in which the method is valid
+    rejected: int = ALL  # flag: the wheel or its contact has left the range in which the method is valid
     sound: int = LANES  # flag: converged, in the range in which the method is valid, with no angle beyond WIDEST
     verdict: int = LANES  # result of `verify_minimum`: LEAST, LOWER or UNKNOWN
     first_sine: int = LANES  # contact on the tangent plane under the body: sin φ
@@ -287,7 +287,7 @@ class BilinearRows(NamedTuple):
 
     col: int = ALL  # cell of the contact
     row: int = ALL
-    astray: int = ALL  # flag: the search could not decide, or the wheel reaches over the edge of the map
+    rejected: int = ALL  # flag: the search could not decide, or the wheel reaches over the edge of the map
     deepest: int = LANES  # largest |gap| of the six; NaN if one is NaN or infinite
     fate: int = LANES  # SEARCHING, SETTLED or FAILED
 
