@@ -35,7 +35,6 @@ REMAINING: dict[str, dict[str, int]] = {
     "opening": {
         "docs": 2,
         "examples": 1,
-        "src/rockerbogie/paper": 10,
         "src/rockerbogie/terrain": 3,
         "tests/kernels": 2,
         "tests/paper": 1,
@@ -47,7 +46,6 @@ REMAINING: dict[str, dict[str, int]] = {
         "src/rockerbogie": 1,
         "src/rockerbogie/_kernels": 18,
         "src/rockerbogie/logs": 1,
-        "src/rockerbogie/paper": 21,
         "src/rockerbogie/simulation": 2,
         "src/rockerbogie/terrain": 34,
         "tests": 5,
@@ -60,7 +58,6 @@ REMAINING: dict[str, dict[str, int]] = {
     "retired word": {
         "docs": 10,
         "src/rockerbogie/_kernels": 19,
-        "src/rockerbogie/paper": 7,
         "src/rockerbogie/terrain": 7,
         "tests": 7,
         "tests/cli": 1,
@@ -73,7 +70,6 @@ REMAINING: dict[str, dict[str, int]] = {
         "src/rockerbogie/bench": 14,
         "src/rockerbogie/figures": 2,
         "src/rockerbogie/maps": 66,
-        "src/rockerbogie/paper": 14,
         "src/rockerbogie/terrain": 39,
     },
     "kernel Args": {

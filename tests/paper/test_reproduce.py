@@ -43,7 +43,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, obje
 def crossing() -> Crossing:
     """The model's run, every 4 mm."""
     rover, terrain = rb.load_rover(paper.ROVER), rb.surfaces.paper()
-    run = rb.drive(rover, terrain, rb.Path.straight((0, 0), 0, paper.WAY), step=0.004)
+    run = rb.drive(rover, terrain, rb.Path.straight((0, 0), 0, paper.DISTANCE), step=0.004)
     return Crossing.of(rover, terrain, run, paper.BUMP_START, paper.BUMP_START + paper.BUMP_LENGTH)
 
 
@@ -155,11 +155,11 @@ def test_report_stands_alone(made: tuple[Path, dict[str, object]]) -> None:
 
 
 def test_statements_hold_but_the_one(crossing: Crossing) -> None:
-    """All are borne out but that the left contact angle jumps: this hill, unlike the ramp, begins level."""
+    """All are confirmed except that the left contact angle jumps: this hill, unlike the ramp, starts with slope 0."""
     claims = check_claims(crossing)
     assert [c.figure for c in claims] == [7, 7, 8, 8, 8, 9, 9, 9, 9]
     assert [c.says for c in claims if not c.holds] == [
-        "The left contact angle changes abruptly where the front wheel comes upon the bump."
+        "The left contact angle changes abruptly where the front wheel reaches the bump."
     ]
 
 
@@ -209,7 +209,7 @@ def test_limits_can_be_missed(tmp_path: Path) -> None:
     )  # fmt: skip
     text = " ".join(Page((tmp_path / "r.html").read_text(encoding="utf-8")).words)
     assert "beyond" in text
-    assert "0 of 1 error limits kept" in text
+    assert "0 of 1 error limits met" in text
     assert "A < b & c." in text
     assert "simulation: not true" in text
     assert "2 > 1" in text, "where they differ, the simulation's reason is given too"

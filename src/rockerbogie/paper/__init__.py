@@ -1,1 +1,1 @@
-"""Results of the paper: its own solver as a baseline, its figures, and a report that checks its claims."""
+"""Results of the paper: its solver as a baseline, its figures, and a report on its claims."""

@@ -1,7 +1,7 @@
-"""What the paper says of its figures 7 to 9, each statement decided from a run's numbers.
+"""Statements of the paper on its figures 7 to 9, each decided from the numbers of a run.
 
-The statements are put in our words. Angles below `ZERO` count as zero (the paper's own lengths leave 0.032 deg on the
-flat), contact angles below `ZERO_ON_RIM`.
+The statements are paraphrased. Angles below `ZERO` count as zero, as the paper's lengths leave 0.032 deg on flat terrain;
+contact angles count as zero below `ZERO_ON_RIM`.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 ZERO = 0.1  # deg
-ZERO_ON_RIM = 1.0  # deg of contact angle: 1.7 mm on the rim, about which a simulated contact wanders
-JUMP = 5.0  # deg within JUMP_WAY is a jump
-JUMP_WAY = 0.01  # m
-HARMONIC = 0.95  # share of the variance that one harmonic must explain
-WINDOW = 0.06  # m of way on either side of a transition
+ZERO_ON_RIM = 1.0  # deg of contact angle, 1.7 mm on the rim: scatter of a simulated contact
+JUMP = 5.0  # deg within JUMP_DISTANCE
+JUMP_DISTANCE = 0.01  # m
+HARMONIC = 0.95  # least share of the variance explained by one harmonic
+WINDOW = 0.06  # m on either side of a transition
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A statement of the paper, whether the run bears it out, and the numbers that decide."""
+    """Statement of the paper, its verdict for one run, and the numbers that decide it."""
 
     figure: int
     says: str
@@ -41,13 +41,13 @@ class Claim:
 
 @dataclass(frozen=True)
 class Crossing:
-    """A run straight over bumps between x = start and x = end, with its angles in degrees over the way x (n,), m."""
+    """Run straight over bumps between x = start and x = end, with its angles in degrees."""
 
     rover: Rover
     terrain: Terrain
     start: float
     end: float
-    x: Array
+    x: Array  # (n,) m, of the reference point; all angles in deg
     pitch: Array
     roll: Array
     bogie: Array  # (n, 2)
@@ -56,26 +56,60 @@ class Crossing:
 
     @classmethod
     def of(cls, rover: Rover, terrain: Terrain, run: xr.Dataset, start: float, end: float) -> Crossing:
-        """From a run that goes along +x."""
+        """Make a crossing from a run along +x.
+
+        Args:
+            rover: the rover of the run.
+            terrain: the terrain of the run.
+            run: from `drive` or `simulate`, (n,) records.
+            start: x at which the bumps begin, m.
+            end: x at which the bumps end, m.
+
+        Returns:
+            The crossing, its angles converted to degrees.
+        """
         angle = {name: np.degrees(run[name].values) for name in ("pitch", "roll", "bogie", "contact_angle")}
         return cls(rover, terrain, start, end, run["x"].values, contact_point=run["contact_point"].values, **angle)
 
     @property
     def axles(self) -> list[int]:
-        """The left wheels from the front: their indices; each right one follows."""
+        """Indices of the left wheels, front to rear; the next index is the right wheel of the axle."""
         return [2 * int(i) for i in np.argsort(-self.rover.hubs[::2, 0])]
 
     def reaches(self, wheel: int, at: float) -> float:
-        """Where the reference point is as a wheel's contact passes x = at, m."""
+        """Return the x of the reference point at which a wheel's contact first reaches x = at.
+
+        Args:
+            wheel: index of the wheel, 0 to 5.
+            at: x of the contact, m.
+
+        Returns:
+            m; the first x of the run if the contact does not reach `at`.
+        """
         return float(self.x[np.argmax(self.contact_point[:, wheel, 0] >= at)])
 
     def rim(self, wheel: int) -> tuple[NDArray[np.bool_], Array, Array]:
-        """Where (n,) a wheel touches at all, and x and its contact angle (deg) there."""
+        """Return the records in which a wheel is in contact, with x and contact angle there.
+
+        Args:
+            wheel: index of the wheel, 0 to 5.
+
+        Returns:
+            (n,) True where the wheel is in contact; x of those k records (k,), m; their contact angles (k,), deg.
+        """
         touches = np.isfinite(self.contact_angle[:, wheel])
         return touches, self.x[touches], self.contact_angle[touches, wheel]
 
     def on_one_plane(self, wheels: list[int]) -> NDArray[np.bool_]:
-        """Where (n,) these wheels' contacts lie on one plane of the ground."""
+        """Return the records in which the contacts of some wheels lie on one plane of the terrain.
+
+        Args:
+            wheels: indices of the wheels; all other contacts are compared with that of the first.
+
+        Returns:
+            (n,) True where the terrain normals differ by less than 1e-3 and the contacts lie within 2 mm of the plane through the
+            first contact.
+        """
         p = self.contact_point[:, wheels]
         normal = self.terrain.normal(p[..., 0], p[..., 1])
         level = (np.abs(normal - normal[:, :1]) < 1e-3).all(axis=(1, 2))
@@ -84,7 +118,14 @@ class Crossing:
 
 
 def check_claims(crossing: Crossing) -> list[Claim]:
-    """Every statement of section III, in the paper's order."""
+    """Decide every statement of section III.
+
+    Args:
+        crossing: the run.
+
+    Returns:
+        9 claims, in the paper's order.
+    """
     return [check(crossing) for check in _CHECKS]
 
 
@@ -97,10 +138,10 @@ def _both_negative(c: Crossing) -> Claim:
     holds = abs(first - reach) < 0.05 and max(low) < -ZERO and max(high) < ZERO
     return Claim(
         7,
-        "Pitch and roll turn negative when the front wheels come upon the bumps.",
+        "Pitch and roll turn negative when the front wheels reach the bumps.",
         holds,
-        f"The front wheels touch the bumps at X = {reach:.3f} m, the body first turns at {first:.3f} m; until the middle wheels "
-        f"arrive pitch goes to {low[0]:.2f}°, roll to {low[1]:.2f}° (right side up), and neither rises above {max(high):.2f}°.",
+        f"The front wheels reach the bumps at X = {reach:.3f} m; pitch or roll first changes at {first:.3f} m. Until the middle "
+        f"wheels arrive, pitch falls to {low[0]:.2f}°, roll to {low[1]:.2f}° (right side up); neither exceeds {max(high):.2f}°.",
     )
 
 
@@ -116,7 +157,7 @@ def _pitch_turns_at_the_top(c: Crossing) -> Claim:
         "Pitch stays negative over the first half and turns positive as the rover crosses the top.",
         lowest < -ZERO < least_after and abs(off) < c.rover.wheelbase / 2,
         f"Negative from X = {x[0]:.3f} to {x[turn]:.3f} m (to {lowest:.2f}°), positive from there to {x[-1]:.3f} m (to "
-        f"{pitch[turn:].max():+.2f}°); at the turn the wheelbase's middle is {100 * off:+.1f} cm from the top.",
+        f"{pitch[turn:].max():+.2f}°); at the change of sign the middle of the wheelbase is {100 * off:+.1f} cm from the top.",
     )
 
 
@@ -125,10 +166,10 @@ def _right_bogie_zero_on_a_plane(c: Crossing) -> Claim:
     most, apart = (float(np.abs(c.bogie[where, 1]).max(initial=0.0)) for where in (together, ~together))
     return Claim(
         8,
-        "The right bogie's angle is zero when its side's wheels all stand on one surface.",
+        "The right bogie's angle is zero while all wheels of its side are on one plane.",
         bool(together.any()) and most < ZERO < apart,
-        f"At the {together.sum()} of {together.size} places where the three right contacts lie on one plane, |β2| ≤ {most:.4f}° "
-        f"(0.0322° is in the paper's own lengths); elsewhere it reaches {apart:.2f}°.",
+        f"In the {together.sum()} of {together.size} records whose three right contacts lie on one plane, |β2| ≤ {most:.4f}° "
+        f"(0.0322° follows from the paper's lengths); elsewhere it reaches {apart:.2f}°.",
     )
 
 
@@ -147,21 +188,21 @@ def _left_bogie_harmonic(c: Crossing) -> Claim:
         explained > HARMONIC,
         f"With all three left wheels on the hill (X = {c.x[on][0]:.3f} to {c.x[on][-1]:.3f} m), one harmonic of the hill's "
         f"length, amplitude {np.hypot(*fit[1:]):.2f}°, explains {100 * explained:.2f} % of the variance; "
-        f"{left.std():.2f}° RMS are left.",
+        f"the residual is {left.std():.2f}° RMS.",
     )
 
 
 def _left_bogie_transitions(c: Crossing) -> Claim:
     front, middle, rear = c.axles
     arrive = [c.reaches(wheel, c.start) for wheel in (front, middle)]
-    change = [_bend_change(c.x, c.bogie[:, 0], at) for at in arrive]
+    change = [_curvature_change(c.x, c.bogie[:, 0], at) for at in arrive]
     elsewhere = np.arange(c.reaches(rear, c.start) + WINDOW, c.reaches(front, c.end) - WINDOW, WINDOW / 2)
-    usual = float(np.median([abs(_bend_change(c.x, c.bogie[:, 0], at)) for at in elsewhere]))
+    usual = float(np.median([abs(_curvature_change(c.x, c.bogie[:, 0], at)) for at in elsewhere]))
     return Claim(
         8,
-        "The left bogie goes through a transition as the front and the middle wheel touch the bump.",
+        "The left bogie goes through a transition as the front and the middle wheel reach the bump.",
         all(abs(step) > 3 * usual for step in change),
-        f"The curve's bend (d²β1/dX²) changes by {change[0]:+.0f}°/m² at X = {arrive[0]:.3f} m (front) and by "
+        f"The second derivative d²β1/dX² changes by {change[0]:+.0f}°/m² at X = {arrive[0]:.3f} m (front) and by "
         f"{change[1]:+.0f}°/m² at {arrive[1]:.3f} m (middle), against a median of {usual:.0f}°/m² on the hill itself.",
     )
 
@@ -172,19 +213,19 @@ def _contact_jumps(c: Crossing, side: int) -> Claim:
     at = c.reaches(front, c.start)
     _, x, angle = c.rim(front)
     near = np.abs(x - at) < 0.05
-    change = angle[near] - np.interp(x[near] - JUMP_WAY, x, angle)
+    change = angle[near] - np.interp(x[near] - JUMP_DISTANCE, x, angle)
     most = float(change[np.argmax(np.abs(change))])
     beyond = c.terrain.gradient(c.start + 0.05, c.contact_point[0, front, 1])
     slope = float(np.degrees(np.arctan(np.abs(beyond[0]))))
     return Claim(
         9,
-        f"The {name} contact angle changes abruptly where the front wheel comes upon the bump.",
+        f"The {name} contact angle changes abruptly where the front wheel reaches the bump.",
         abs(most) > JUMP,
-        f"Around X = {at:.3f} m it changes by {most:+.2f}° within {1e3 * JUMP_WAY:.0f} mm of way"
+        f"Around X = {at:.3f} m it changes by {most:+.2f}° within {1e3 * JUMP_DISTANCE:.0f} mm of distance"
         + (
             "."
             if abs(most) > JUMP
-            else f": its rate breaks, not the angle, for this hill begins level (5 cm on, it slopes by {slope:.1f}°)."
+            else f": only its derivative jumps, as this hill begins with slope 0 (5 cm further, the slope is {slope:.1f}°)."
         ),
     )
 
@@ -213,20 +254,23 @@ def _right_contact_zero_on_a_plane(c: Crossing) -> Claim:
     most, apart = (float(angle[where].max(initial=0.0)) for where in (together, ~together))
     return Claim(
         9,
-        "The right contact angle is zero but for where the bogie passes between slope and flat.",
+        "The right contact angle is zero except where the bogie passes between slope and flat.",
         bool(together.any()) and most < ZERO_ON_RIM < apart,
-        f"While both wheels of the right bogie stand on one plane ({100 * together.mean():.0f} % of the way) |δ6| ≤ {most:.4f}°, "
-        f"measured from the wheel's own link; while it spans an edge it reaches {apart:.2f}°.",
+        f"While both wheels of the right bogie are on one plane ({100 * together.mean():.0f} % of the path) |δ6| ≤ {most:.4f}°, "
+        f"measured from the wheel's own link; while the bogie spans an edge it reaches {apart:.2f}°.",
     )
 
 
-def _bend_change(x: Array, angle: Array, at: float) -> float:
-    """How the second derivative of angle over x changes at a place: parabolas fitted before and after."""
-    bends = []
+def _curvature_change(x: Array, angle: Array, at: float) -> float:
+    """Return the change of the second derivative of angle over x at x = at, deg/m².
+
+    A parabola is fitted to the `WINDOW` before `at` and another to the `WINDOW` after it.
+    """
+    second = []
     for low, high in ((at - WINDOW, at), (at, at + WINDOW)):
         near = (x >= low) & (x <= high)
-        bends.append(2 * float(np.polyfit(x[near] - at, angle[near], 2)[0]))
-    return bends[1] - bends[0]
+        second.append(2 * float(np.polyfit(x[near] - at, angle[near], 2)[0]))
+    return second[1] - second[0]
 
 
 _CHECKS: tuple[Callable[[Crossing], Claim], ...] = (

@@ -1,4 +1,4 @@
-"""The paper's section III drawn: figure 6 (the ground and the rover on it) and figures 7 to 9 (angles on the way)."""
+"""Figures of the paper's section III: 6 (terrain, rover) and 7 to 9 (angles over distance)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ VIEW = (np.radians(-62.0), np.radians(25.0))
 
 @dataclass(frozen=True)
 class Curve:
-    """A line of figures 7 to 9: the run's variable, which of its second axis, what to call it, its colour."""
+    """Curve of figures 7 to 9: variable of the run, index on its second axis, label and colour."""
 
     variable: str
     member: str | None
@@ -37,7 +37,14 @@ class Curve:
     colour: str
 
     def degrees(self, run: xr.Dataset) -> Array:
-        """The angle over the run (n,), deg."""
+        """Return the curve's angle.
+
+        Args:
+            run: with (n,) records.
+
+        Returns:
+            (n,) deg.
+        """
         values = run[self.variable]
         if self.member is not None:
             values = values.sel({values.dims[-1]: self.member})
@@ -45,7 +52,14 @@ class Curve:
 
 
 def figures_7_to_9(rover: Rover) -> Mapping[str, tuple[str, Sequence[Curve]]]:
-    """Title and curves of each: file name → (title, curves). The front wheels are those furthest along x."""
+    """Return title and curves of figures 7 to 9.
+
+    Args:
+        rover: names the wheels. The front wheels are those with the greatest x.
+
+    Returns:
+        File name without ending → (title, curves).
+    """
     front = [rover.wheel_names[i] for i in (np.argmax(rover.hubs[::2, 0]) * 2 + s for s in (0, 1))]
     return {
         "figure7": (
@@ -71,7 +85,16 @@ def figures_7_to_9(rover: Rover) -> Mapping[str, tuple[str, Sequence[Curve]]]:
 
 
 def crossing_bounds(run: xr.Dataset, rover: Rover, terrain: Terrain) -> Bounds:
-    """The part of the ground a straight crossing needs, with room around it: xmin, ymin, xmax, ymax, m."""
+    """Return the part of the map that a straight crossing along x needs.
+
+    Args:
+        run: of the crossing, with contact points.
+        rover: its wheel radius sets the margin, 2.5 radii around the contacts.
+        terrain: its bounds limit the result.
+
+    Returns:
+        xmin, ymin, xmax, ymax, m.
+    """
     x, y = run["contact_point"].sel(axis="x"), run["contact_point"].sel(axis="y")
     room = 2.5 * float(rover.wheel_radius.max())
     low, high = terrain.bounds[:2], terrain.bounds[2:]
@@ -85,11 +108,21 @@ def crossing_bounds(run: xr.Dataset, rover: Rover, terrain: Terrain) -> Bounds:
 
 
 def figure_6(rover: Rover, terrain: Terrain, run: xr.Dataset, at: float) -> Figure:
-    """The ground in three dimensions with the rover `at` m along its way, and the tracks of its wheels."""
+    """Draw the terrain in 3-D with the rover on it and the tracks of its outermost wheels.
+
+    Args:
+        rover: the rover of the run.
+        terrain: the terrain of the run.
+        run: of a straight crossing along x.
+        at: distance at which the rover is drawn, m; the nearest record is used.
+
+    Returns:
+        The figure.
+    """
     bounds = crossing_bounds(run, rover, terrain)
     base = block_base(sample_ground(terrain, bounds)[2])
-    stance = run.isel(time=int(np.abs(run["distance"].values - at).argmin()))
-    mesh = Mesh.join([ground_mesh(terrain, bounds, base), *tracks(terrain, run), stance_mesh(rover, stance)])
+    record = run.isel(time=int(np.abs(run["distance"].values - at).argmin()))
+    mesh = Mesh.join([ground_mesh(terrain, bounds, base), *tracks(terrain, run), stance_mesh(rover, record)])
     size = (1800, picture_height(*VIEW, mesh, 1800, 0.03))
     with look():
         fig = figure(size[0] / 180, size[1] / 180)
@@ -103,7 +136,15 @@ def figure_6(rover: Rover, terrain: Terrain, run: xr.Dataset, at: float) -> Figu
 
 
 def tracks(terrain: Terrain, run: xr.Dataset) -> list[Mesh]:
-    """The way the two outermost wheels of a straight crossing go over the ground, left and right, as ribbons."""
+    """Make ribbons of the contact points of the last two wheels, left and right.
+
+    Args:
+        terrain: the terrain of the run.
+        run: of a straight crossing; at most about 500 of its records are used.
+
+    Returns:
+        Two meshes: left, right.
+    """
     point = run["contact_point"].transpose("time", "wheel", "axis").values[:: 1 + run.sizes["time"] // 500, -2:]
     return [trail_mesh(terrain, point[:, s, 0], point[:, s, 1], to_rgb(c), 0.014) for s, c in ((0, LEFT), (1, RIGHT))]
 
@@ -111,10 +152,18 @@ def tracks(terrain: Terrain, run: xr.Dataset) -> list[Mesh]:
 def angles_figure(
     title: str, curves: Sequence[Curve], run: xr.Dataset, sim: xr.Dataset, beside: xr.Dataset, marks: Mapping[str, float]
 ) -> Figure:
-    """Kinematic model and rigid-body simulation side by side, and their difference below; deg over the distance.
+    """Draw model and simulation side by side and their difference below: degrees over distance.
 
-    `beside` is the model at the simulation's own places (`settle_along`), from which the difference is taken. `marks` are
-    places worth a line: label → distance, m.
+    Args:
+        title: of the figure.
+        curves: the angles to draw.
+        run: of the kinematic model.
+        sim: of the rigid-body simulation.
+        beside: the model at the simulation's own x, y and yaw (`settle_along`); the difference is taken from it.
+        marks: label → distance of a dashed line, m.
+
+    Returns:
+        The figure.
     """
     with look():
         fig = figure(9.6, 6.2)
@@ -135,7 +184,7 @@ def angles_figure(
             rms, worst = np.sqrt(np.nanmean(gap**2)), np.nanmax(np.abs(gap))
             label = f"{curve.label}: RMS {rms:.4f}°, worst {worst:.3f}°"
             below.plot(sim["distance"], gap, color=curve.colour, lw=1.0, label=label)
-        below.set_title("(a) − (b) at equal place and heading")
+        below.set_title("(a) − (b) at equal position and yaw")
         below.set_ylabel("difference (deg)")
         _mark(below, marks, labelled=False)
         for ax in (first, second, below):
@@ -148,7 +197,15 @@ def angles_figure(
 
 
 def arrivals(rover: Rover, bump: float) -> dict[str, float]:
-    """Where the reference point is as each axle stands over x = bump: label → x, m."""
+    """Return the x of the reference point at which each axle is above x = bump.
+
+    Args:
+        rover: gives the hubs.
+        bump: x, m.
+
+    Returns:
+        "front", "middle", "rear" → x, m, for a rover with all joint angles 0 and yaw 0.
+    """
     order = np.argsort(-rover.hubs[::2, 0])
     return {name: bump - float(rover.hubs[2 * i, 0]) for name, i in zip(("front", "middle", "rear"), order, strict=True)}
 

@@ -1,4 +1,4 @@
-"""The film of the paper's crossing."""
+"""Film of the paper's crossing."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def crossing_gif(
     frames: int = 64,
     progress: Callable[[float], None] = lambda share: None,
 ) -> None:
-    """Write the crossing as a film, with the tracks of both front wheels.
+    """Write the crossing as a film with the tracks of the last two wheels.
 
     Args:
         file: the .gif to write.

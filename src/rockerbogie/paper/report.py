@@ -1,4 +1,4 @@
-"""One self-contained page of a reproduction: pictures inside it, nothing fetched from anywhere."""
+"""Report of a reproduction: one self-contained HTML page with embedded pictures."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .claims import Claim
 
 @dataclass(frozen=True)
 class Picture:
-    """An image file, what it shows (for those who cannot see it), and its caption."""
+    """Image file with its description for the blind (alt text) and its caption."""
 
     file: Path
     alt: str
@@ -22,7 +22,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class ErrorRow:
-    """Model against simulation in one channel, with the limits set for it; a limit of None is none."""
+    """Difference of model and simulation in one channel, with its limits; None means no limit."""
 
     channel: str
     unit: str
@@ -33,7 +33,7 @@ class ErrorRow:
 
     @property
     def within(self) -> bool:
-        """Whether both limits are kept."""
+        """True if neither error exceeds its limit."""
         pairs = ((self.rms, self.rms_limit), (self.worst, self.worst_limit))
         return all(limit is None or value <= limit for value, limit in pairs)
 
@@ -48,13 +48,19 @@ def write_report(
     facts: Mapping[str, str],
     data: Mapping[str, str],
 ) -> None:
-    """Write report.html.
+    """Write the report page.
 
     Args:
-        lead: what was done, a sentence or two.
-        claims: each statement as decided from the model's run, and from the simulation's.
-        facts: what the numbers rest on: name → value.
-        data: files written beside the page: name → what it holds.
+        file: the HTML file, overwritten.
+        lead: one or two sentences on what was done.
+        errors: one row per channel.
+        claims: each statement decided from the model's run and from the simulation's; empty if the paper's do not apply.
+        pictures: .png or .gif files, in the order of the page.
+        facts: name → value: rover, terrain, versions.
+        data: name of a file beside the page → its content.
+
+    Raises:
+        OSError: the file cannot be written, or a picture cannot be read.
     """
     kept = sum(row.within for row in errors)
     held = sum(model.holds for model, _ in claims)
@@ -62,18 +68,18 @@ def write_report(
         "<h1>A rocker-bogie over two kinds of hill</h1>",
         f"<p class=lead>{escape(lead)}</p>",
         "<p class=verdict>",
-        _badge(kept == len(errors), f"{kept} of {len(errors)} error limits kept") if claims else "",
-        _badge(held == len(claims), f"{held} of {len(claims)} statements of the paper borne out") if claims else "",
+        _badge(kept == len(errors), f"{kept} of {len(errors)} error limits met") if claims else "",
+        _badge(held == len(claims), f"{held} of {len(claims)} statements of the paper confirmed") if claims else "",
         "</p>",
         *(_figure(picture) for picture in pictures),
         "<h2>Kinematic model against rigid-body simulation</h2>",
-        "<p>Differences at equal place and heading (x, y, yaw), over the whole crossing.</p>",
+        "<p>Differences at equal position and yaw (x, y, yaw), over the whole crossing.</p>",
         _errors_table(errors),
-        "<h2>What the paper says of its figures</h2>",
-        "<p>Each statement, put in our words, is decided by code from the numbers of each run; those given are the "
-        "model's, and the simulation's where it decides otherwise.</p>",
+        "<h2>Statements of the paper on its figures</h2>",
+        "<p>Each statement is paraphrased and decided by code from the numbers of each run. The numbers given are the "
+        "model's, and also the simulation's where its verdict differs.</p>",
         _claims_table(claims) if claims else "",
-        "<h2>What this rests on</h2>",
+        "<h2>Settings and versions</h2>",
         "<dl>" + "".join(f"<dt>{escape(k)}</dt><dd>{escape(v)}</dd>" for k, v in facts.items()) + "</dl>",
         "<h2>Data</h2>",
         "<dl>"
@@ -115,7 +121,7 @@ def _claims_table(claims: Sequence[tuple[Claim, Claim]]) -> str:
             f"<tr><td>{model.figure}</td><td><strong>{escape(model.says)}</strong><br>"
             f"<span class=because>{escape(because)}</span></td><td>{_truth('model', model)} {_truth('simulation', sim)}</td></tr>"
         )
-    heads = "".join(f"<th scope=col>{h}</th>" for h in ("fig.", "statement, and what decides it", "borne out"))
+    heads = "".join(f"<th scope=col>{h}</th>" for h in ("fig.", "statement, and the numbers that decide it", "confirmed"))
     return f"<div class=wide><table class=claims><thead><tr>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
 
 

@@ -1,4 +1,4 @@
-"""Section III of the paper, end to end: both runs, figures 6 to 9, the film, the data and the report."""
+"""Reproduction of the paper's section III: both runs, figures 6 to 9, film, data and report."""
 
 from __future__ import annotations
 
@@ -31,25 +31,28 @@ from .report import ErrorRow, Picture, write_report
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Hears what is being done and the share done, 0 to 1.
+#: Called with the name of the current part and the share done, 0 to 1.
 Progress = Callable[[str, float], None]
 
 ROVER = "elhami-dashti"
-#: The paper gives the speed and the ramps' slope. That the bumps begin at X = 1 m and are 2 m long is chosen, as all sizes in
-#: `surfaces.paper` are; the way ends with the rear wheels 0.3 m beyond them.
+#: The paper gives the speed and the ramps' slope. The start and the length of the bumps are chosen, as are all sizes in
+#: `surfaces.paper`. The path ends with the rear wheels 0.3 m beyond the bumps.
 SPEED = 0.02  # m/s
-BUMP_START, BUMP_LENGTH, WAY = 1.0, 2.0, 3.6  # m
+BUMP_START, BUMP_LENGTH, DISTANCE = 1.0, 2.0, 3.6  # m
 STEP = 0.002  # m
-FIGURE_6_AT = 1.25  # m along the way
+FIGURE_6_AT = 1.25  # m along the path
 
-#: Closeness asked of the model to the simulation: RMS in deg, of z in mm; and no angle further off than this anywhere, deg.
+#: Greatest RMS difference of model and simulation, deg and (z) mm; greatest difference of an angle in any record, deg.
 RMS_LIMITS = {"roll": 0.01, "pitch": 0.03, "rocker": 0.01, "bogie left": 0.04, "bogie right": 0.04, "z": 1.5}
 WORST_LIMIT = 0.15
 
 
 @dataclass(frozen=True)
 class Reproduction:
-    """What came out: errors against the simulation, the paper's statements (model, simulation), and the report."""
+    """Result of a reproduction: errors against the simulation, statements, and the report.
+
+    Each statement is a pair: decided from the model's run, and from the simulation's.
+    """
 
     errors: list[ErrorRow]
     claims: list[tuple[Claim, Claim]]
@@ -57,7 +60,7 @@ class Reproduction:
 
     @property
     def close(self) -> bool:
-        """Whether the model keeps every limit."""
+        """True if the model is within every limit."""
         return all(row.within for row in self.errors)
 
 
@@ -65,11 +68,10 @@ def reproduce(folder: FilePath, progress: Progress = lambda what, share: None, *
     """Reproduce section III into a folder.
 
     Args:
-        folder: where the files go; it must exist.
-        progress: called with what is being done and the share done, 0 to 1.
-        rover: a rover to cross the bumps in place of the paper's. The bumps, the path and the speed are scaled with its
-            wheelbase (more for a rover that is broader). The paper's statements and limits, which are of its own rover,
-            are then left out.
+        folder: folder of the files; it must exist. Files with the names in `OUTPUTS` are overwritten.
+        progress: called with the name of the current part and the share done, 0 to 1.
+        rover: a rover to cross the bumps in place of the paper's. Bumps, path and speed are then scaled by the ratio of the
+            wheelbases, or of the widths if that is greater; the paper's statements and limits are left out.
 
     Returns:
         Errors against the simulation, the statements, and the report.
@@ -78,7 +80,7 @@ def reproduce(folder: FilePath, progress: Progress = lambda what, share: None, *
     rover = load_rover(ROVER) if rover is None else rover
     scale = 1.0 if own else _scale(rover)
     terrain = surfaces.paper(run_in=BUMP_START, length=BUMP_LENGTH) if own else _scaled_bumps(scale)
-    path, speed = Path.straight((0.0, 0.0), 0.0, scale * WAY), scale * SPEED
+    path, speed = Path.straight((0.0, 0.0), 0.0, scale * DISTANCE), scale * SPEED
 
     progress("kinematic model", 0.0)
     began = time.perf_counter()
@@ -107,8 +109,8 @@ def reproduce(folder: FilePath, progress: Progress = lambda what, share: None, *
     write_report(
         folder / "report.html",
         lead=(
-            f"{'The rover of Elhami and Dashti' if own else f'Rover {rover.name}'}, driven {scale * WAY:.3g} m straight ahead "
-            f"at {100 * speed:.3g} cm/s, its right wheels over "
+            f"{'The rover of Elhami and Dashti' if own else f'Rover {rover.name}'}, driven {scale * DISTANCE:.3g} m straight "
+            f"ahead at {100 * speed:.3g} cm/s, its right wheels over "
             "slopes of 16.7° and its left wheels over a sinusoidal hill: by the kinematic model, and by a rigid-body simulation "
             "in MuJoCo."
         ),
@@ -122,7 +124,7 @@ def reproduce(folder: FilePath, progress: Progress = lambda what, share: None, *
 
 
 def _scale(rover: Rover) -> float:
-    """Return the factor from the paper's rover to another: that of their wheelbases, or of their widths if that is greater."""
+    """Return the ratio of a rover's size to the paper's: of wheelbases, or of widths if greater."""
     paper = load_rover(ROVER)
     broad = [float(np.abs(each.hubs[:, 1]).max()) for each in (rover, paper)]
     return max(rover.wheelbase / paper.wheelbase, broad[0] / broad[1])
@@ -139,18 +141,22 @@ def _scaled_bumps(scale: float) -> Terrain:
 def _draw_figures(
     folder: FilePath, rover: Rover, terrain: Terrain, run: xr.Dataset, sim: xr.Dataset, beside: xr.Dataset, scale: float
 ) -> None:
+    """Write figures 6 to 9 as PNG files."""
     save(figure_6(rover, terrain, run, scale * FIGURE_6_AT), folder / "figure6.png", dpi=180)
     for name, (title, curves) in figures_7_to_9(rover).items():
         save(angles_figure(title, curves, run, sim, beside, arrivals(rover, scale * BUMP_START)), folder / f"{name}.png")
 
 
 def error_rows(comparison: Comparison, records: int, *, limited: bool = True) -> list[ErrorRow]:
-    """Return the errors of the main channels, in degrees and millimetres; NaN where any of the records has no difference.
+    """Return the errors of the main channels, in degrees and millimetres.
 
     Args:
         comparison: of the two runs.
         records: number of records that must have a difference.
         limited: set the limits of the paper's rover.
+
+    Returns:
+        One row per channel of `RMS_LIMITS`; NaN if fewer than `records` records have a difference.
     """
     rows = []
     for name, limit in RMS_LIMITS.items():
@@ -165,17 +171,18 @@ def error_rows(comparison: Comparison, records: int, *, limited: bool = True) ->
 def _facts(
     rover: Rover, terrain: Terrain, run: xr.Dataset, sim: xr.Dataset, model_time: float, sim_time: float
 ) -> dict[str, str]:
+    """Return the settings and versions that the report lists: name → value."""
     rows, cols = terrain.z.shape
     return {
-        "Rover": f"{rover.name}, {rover.mass:.1f} kg (the mass is chosen: the paper prints none); {rover.source}",
-        "Ground": (
-            f"{cols} × {rows} nodes, {1e3 * terrain.spacing[0]:.2f} mm apart, {terrain.interpolation}. The paper prints the "
-            f"slope of 16.7° and no other size: that the bumps are {BUMP_LENGTH:g} m long from X = {BUMP_START:g} m, the hill "
-            "0.3 m and the ramps 0.2 m high is chosen"
+        "Rover": f"{rover.name}, {rover.mass:.1f} kg (the mass is chosen: the paper gives none); {rover.source}",
+        "Terrain": (
+            f"{cols} × {rows} nodes, {1e3 * terrain.spacing[0]:.2f} mm apart, {terrain.interpolation}. The paper gives the "
+            f"slope of 16.7° and no other size. Chosen: bumps {BUMP_LENGTH:g} m long from X = {BUMP_START:g} m, a hill 0.3 m "
+            "high, ramps 0.2 m high"
         ),
         "Signs": "x forward, y left, z up; roll left side up positive, pitch, rocker and bogie nose down positive; contact "
         "angles from the wheel's own link, ahead of the axle negative",
-        "Kinematic model": f"{run.sizes['time']} places, {model_time:.2f} s; {run.attrs['status_summary']}",
+        "Kinematic model": f"{run.sizes['time']} poses, {model_time:.2f} s; {run.attrs['status_summary']}",
         "Simulation": (
             f"{float(sim['time'][-1]):.0f} s of driving in {sim_time:.1f} s; {sim.attrs['source']}; {sim.attrs['status_summary']}"
         ),
@@ -188,24 +195,24 @@ _PICTURES = (
     (
         "figure6.png",
         "The rover climbing: left wheels on a smooth hill, right wheels on a ramp.",
-        "Figure 6. The ground, and the rover 1.25 m along its way. Left is blue, right is vermilion, here and below.",
+        "Figure 6. The terrain, and the rover at a distance of 1.25 m. In all figures left is blue and right is vermilion.",
     ),
-    ("crossing.gif", "The rover crosses both bumps while its angles run along below.", "The crossing, by the kinematic model."),
+    ("crossing.gif", "The rover crosses both bumps while its angles are plotted below.", "The crossing, by the kinematic model."),
     (
         "figure7.png",
-        "Pitch and roll over the way, model and simulation side by side, their difference below.",
-        "Figure 7. Pitch and roll. Dashed lines: where each axle stands over the foot of the bumps.",
+        "Pitch and roll over the distance, model and simulation side by side, their difference below.",
+        "Figure 7. Pitch and roll. Dashed lines: distances at which each axle is above the start of the bumps.",
     ),
     (
         "figure8.png",
-        "Rocker and bogie angles over the way, model and simulation side by side, their difference below.",
+        "Rocker and bogie angles over the distance, model and simulation side by side, their difference below.",
         "Figure 8. Rocker and bogie joint angles.",
     ),
     (
         "figure9.png",
-        "Contact angles of the front wheels over the way, model and simulation side by side, their difference below.",
-        "Figure 9. Contact angles of the front wheels. The simulation's is where its greatest contact force acts on each wheel, "
-        "which wanders by a millimetre or two.",
+        "Contact angles of the front wheels over the distance, model and simulation side by side, their difference below.",
+        "Figure 9. Contact angles of the front wheels. In the simulation, the contact is the point with "
+        "the greatest contact force on each wheel; it scatters by 1 to 2 mm.",
     ),
 )
 _DATA = {
