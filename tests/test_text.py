@@ -35,7 +35,6 @@ REMAINING: dict[str, dict[str, int]] = {
     "opening": {
         "docs": 2,
         "examples": 1,
-        "src/rockerbogie/terrain": 3,
         "tests/kernels": 2,
         "tests/paper": 1,
         "tests/support": 15,
@@ -47,7 +46,6 @@ REMAINING: dict[str, dict[str, int]] = {
         "src/rockerbogie/_kernels": 18,
         "src/rockerbogie/logs": 1,
         "src/rockerbogie/simulation": 2,
-        "src/rockerbogie/terrain": 34,
         "tests": 5,
         "tests/cli": 1,
         "tests/kernels": 27,
@@ -58,7 +56,6 @@ REMAINING: dict[str, dict[str, int]] = {
     "retired word": {
         "docs": 10,
         "src/rockerbogie/_kernels": 19,
-        "src/rockerbogie/terrain": 7,
         "tests": 7,
         "tests/cli": 1,
         "tests/kernels": 27,
@@ -70,7 +67,6 @@ REMAINING: dict[str, dict[str, int]] = {
         "src/rockerbogie/bench": 14,
         "src/rockerbogie/figures": 2,
         "src/rockerbogie/maps": 66,
-        "src/rockerbogie/terrain": 39,
     },
     "kernel Args": {
         "src/rockerbogie/_kernels": 7,

@@ -247,10 +247,16 @@ def scale_factors(georeference: Georeference, x: Array, y: Array) -> tuple[Array
 
 
 def ellipsoid(geographic: dict[str, Any]) -> tuple[float, float]:
-    """Return the semi-axes (equatorial, polar) of a geographic CRS's body, m.
+    """Return the semi-axes of a geographic CRS's body.
 
     Args:
         geographic: its PROJ JSON.
+
+    Returns:
+        Equatorial and polar semi-axis, m.
+
+    Raises:
+        KeyError: the JSON has no ellipsoid.
     """
     body = (geographic.get("datum") or geographic["datum_ensemble"])["ellipsoid"]
 

@@ -25,10 +25,10 @@ SUSPECT = frozenset({-99999.0, -32768.0, -32767.0, -9999.0, 9999.0, 99999.0})
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Terrain:
-    """A height field: made by `from_array`, `from_raster` or `rockerbogie.surfaces`.
+    """Height field, made by `from_array`, `from_raster` or `rockerbogie.surfaces`.
 
-    `z[row, col]` is the height at (x0 + col·dx, y0 + row·dy); NaN is missing data. A cell is known if every node that its
-    surface depends on is known: its four corners (linear), or those and the ring around them (cubic).
+    `z[row, col]` is the height at (x0 + col·dx, y0 + row·dy); NaN is missing data. A cell has data if every node that its
+    surface depends on has: its four corners (linear), or those and the ring around them (cubic).
 
     `dataclasses.replace(terrain, z=...)` makes a new surface: the arrays for the kernels are derived from the other fields.
     """
@@ -99,7 +99,7 @@ class Terrain:
 
         Args:
             z: (rows, cols) heights, m, at most `MAX_HEIGHT` up or down; y grows with the row. NaN is missing data. An
-                xarray.DataArray is read by its own coordinates x and y, in whatever order and direction they run.
+                xarray.DataArray is read by its own coordinates x and y, in any order and direction.
             spacing: dx, or (dx, dy), m. None: from the DataArray's coordinates.
             origin: (x, y) of z[0, 0], m. None: (0, 0), or from the DataArray's coordinates.
             interpolation: "cubic", the C2 spline through the nodes (not-a-knot at the edge), or "linear", bilinear.
@@ -150,7 +150,7 @@ class Terrain:
 
         Args:
             path: a file, or a name that GDAL takes: "netcdf:file.nc:z", "/vsizip/file.zip/dem.tif". Needs the `geo` extra.
-            band: the one that holds the heights, from 1.
+            band: number of the band with the heights, from 1.
             interpolation: as `from_array`.
             window: (xmin, ymin, xmax, ymax) m, in the coordinates of the terrain: read this part only.
             cell: side of a cell, m, for a file without georeference; its south-west corner is then (0, 0).
@@ -275,6 +275,9 @@ def crop(terrain: Terrain, rows: tuple[int, int], cols: tuple[int, int]) -> Terr
         terrain: a whole map.
         rows: first, one past the last.
         cols: the same.
+
+    Returns:
+        The window, with the same name, CRS and datum.
     """
     ring = terrain.grid.shape[0] - terrain.upper_bound.shape[0]
     grid = np.ascontiguousarray(terrain.grid[rows[0] : rows[1] + ring, cols[0] : cols[1] + ring])
@@ -288,7 +291,14 @@ def crop(terrain: Terrain, rows: tuple[int, int], cols: tuple[int, int]) -> Terr
 
 
 def assemble(*values: Any) -> Terrain:
-    """Make a terrain from its fields before `grid` and a `Derived`, without any check."""
+    """Make a terrain from its fields, without any check.
+
+    Args:
+        values: the fields before `grid` in the order of the class, then a `Derived`.
+
+    Returns:
+        The terrain; its `z` is the array given, set read-only.
+    """
     terrain = object.__new__(Terrain)
     _fill(terrain, *values)
     return terrain
@@ -302,7 +312,7 @@ def _fill(terrain: Terrain, *values: Any) -> None:
 
 
 def _numbers(z: Any, spacing: Any, origin: Any) -> tuple[Array, tuple[float, float], tuple[float, float]]:
-    """Return heights, spacing and origin as numbers, or raise an error for what are none."""
+    """Return heights, spacing and origin as floats; raise TerrainError if they are not numbers."""
     try:
         if np.iscomplexobj(z):
             raise TypeError("they are complex")

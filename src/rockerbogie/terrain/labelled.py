@@ -28,7 +28,14 @@ class Labelled(NamedTuple):
 
 
 def is_labelled(z: Any) -> bool:
-    """Return True for an xarray DataArray, without importing xarray."""
+    """Return True for an xarray DataArray, without importing xarray.
+
+    Args:
+        z: any object.
+
+    Returns:
+        True if it has the attributes of a DataArray that `read_labelled` uses.
+    """
     return all(hasattr(z, name) for name in ("dims", "coords", "attrs", "transpose", "values"))
 
 
@@ -37,6 +44,10 @@ def read_labelled(z: Any) -> Labelled:
 
     Args:
         z: (y, x) or (x, y), and axes of length 1. Its attributes `units` and `_FillValue` are applied.
+
+    Returns:
+        The grid, with y growing with the row, in metres; its spacing, origin and CRS are None if the DataArray has no
+        coordinates.
 
     Raises:
         TerrainError: other dimensions; coordinates that are not evenly spaced, or in degrees; units that are not lengths.

@@ -18,12 +18,12 @@ NAMED = frozenset(
     | {float(-32768 + k) for k in range(17)}
     | {-10000.0, -100000.0, -1e6, 65535.0, -2147483648.0, 4294967295.0, -1e10, 1e10}
 )
-NEAR = 0.01  # a value of `NAMED` is a height if another height differs from it by less than this share
-ALONE = (10.0, 2.0)  # m, and times the range of all other heights: how far from them an extreme value is no height
-CLIFF = 2.0  # slope between a value and its neighbours that is not taken for terrain
-KEPT = 8  # extreme values compared
-SAMPLE = 50_000  # values that steps are looked for in
-STEP_NOTE = math.radians(0.5)  # steps that are steeper between neighbouring cells cause a warning
+NEAR = 0.01  # relative: a value of `NAMED` is a height if another height is closer to it than this
+ALONE = (10.0, 2.0)  # m, and multiple of the range of all other heights: an extreme value further from them is no height
+CLIFF = 2.0  # m/m: a steeper slope between a value and its neighbours is not terrain
+KEPT = 8  # number of extreme values that are compared
+SAMPLE = 50_000  # number of values in which steps are searched
+STEP_NOTE = math.radians(0.5)  # rad: steps that are steeper than this between neighbouring cells cause a warning
 
 
 @dataclass
@@ -42,7 +42,7 @@ class Screening:
     sampled: int = 0
 
     def add(self, raw: Any) -> None:
-        """Look at the next rows.
+        """Add the next rows to the search.
 
         Args:
             raw: (rows, cols) masked array of stored values.
@@ -98,7 +98,13 @@ class Screening:
             counts[2] += int((rise > CLIFF * step).sum())
 
     def fills(self) -> tuple[float, ...]:
-        """Return the stored values that mean missing data beyond those declared, in ascending order."""
+        """Return the stored values that mean missing data beyond those declared.
+
+        These are values beyond `HUGE`, values of `NAMED` with cliffs around them, and extremes far from all other heights.
+
+        Returns:
+            In ascending order; empty if none is found.
+        """
         found: set[float] = set(self.huge)
         found |= {
             value
@@ -122,12 +128,15 @@ class Screening:
         return all(abs(v - value) > NEAR * abs(value) for v in others)
 
     def notes(self, fills: tuple[float, ...]) -> list[str]:
-        """Return warnings, one sentence each.
+        """Return the warnings that the search gives rise to.
 
         Args:
-            fills: what `fills` has returned.
+            fills: the result of the method `fills`.
+
+        Returns:
+            One sentence per warning.
         """
-        told = []
+        notes = []
         if fills:
             listed = ", ".join(f"{v:.10g}" for v in fills[:4]) + (", …" if len(fills) > 4 else "")
             heights = [v for v in self.lowest | self.highest if v not in fills]
@@ -135,32 +144,32 @@ class Screening:
             if heights:
                 ends = sorted(self.scale * v + self.offset for v in (min(heights), max(heights)))
                 span = f", far from its other heights ({ends[0]:.6g} to {ends[1]:.6g} m)"
-            told.append(
-                f"{self.name} stores {listed}{span}, and does not declare it as missing data: taken as missing; to declare it, "
+            notes.append(
+                f"{self.name} stores {listed}{span}, without declaring it as missing data; taken as missing. To declare it, "
                 f"use gdal_edit.py -a_nodata"
             )
         pixels, borders, steep = self.borders.get(0.0, [0, 0, 0])
         if 0.0 not in fills and borders and steep >= 0.9 * borders:
-            told.append(
+            notes.append(
                 f"{self.name} stores exactly 0 in {pixels} pixels, with cliffs around them: if 0 means missing data, declare it "
                 f"with gdal_edit.py -a_nodata 0 {self.name}, or make the file again with gdalwarp -dstnodata nan"
             )
         step = self._step(fills)
         angle = math.atan2(step, min(self.spacing))
         if angle > STEP_NOTE:
-            told.append(
+            notes.append(
                 f"heights of {self.name} come in steps of {step:.3g} m, which is {math.degrees(angle):.2g}° from one cell to the "
                 f"next: angles of a rover may be wrong by up to that"
             )
-        return told
+        return notes
 
     def _step(self, fills: tuple[float, ...]) -> float:
-        """Return the step that all heights are multiples of, m; 0 if there is none."""
+        """Return the step of which all heights are multiples, m; 0 if there is none."""
         rows = [row.astype(np.float64) for row in self.rows if not np.isin(row, fills).any()]
         if not rows:
             return 0.0
         values = np.unique(np.concatenate(rows))
-        fewest = 2 if self.rows[0].dtype.kind in "iu" else 6  # integers are rounded by their type, floats only if it shows
+        fewest = 2 if self.rows[0].dtype.kind in "iu" else 6  # integers are rounded by their type; floats must show it
         if not fewest <= len(values) <= self.sampled / 2:
             return 0.0
         start, least = values[0], float(np.diff(values).min())

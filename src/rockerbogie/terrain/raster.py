@@ -24,12 +24,12 @@ from .window import check_grid
 Array = NDArray[np.float64]
 Window = tuple[float, float, float, float]
 
-#: Most pixels read at once: 3.2 GB of heights.
+#: Greatest number of pixels read at once: 3.2 GB of heights.
 MOST_PIXELS = 400_000_000
 CACHE = 64 << 20  # bytes of a file that GDAL may keep
 BLOCK = 1 << 22  # pixels screened at once
-NOISE = 1e-3  # cells: a rotation that moves no pixel further than this is rounding
-#: Names that GDAL takes and that are no path: netcdf:file.nc:z, https://…, /vsizip/….
+NOISE = 1e-3  # cells: a rotation that moves every pixel by less than this is rounding
+#: Names that GDAL takes and that are not paths: netcdf:file.nc:z, https://…, /vsizip/….
 GDAL_NAME = re.compile(r"^([A-Za-z][A-Za-z0-9_+.-]+:|/vsi)")
 COLOURS = frozenset({"red", "green", "blue", "alpha", "palette", "hue", "saturation", "lightness", "cyan", "magenta", "yellow"})
 
@@ -38,8 +38,8 @@ COLOURS = frozenset({"red", "green", "blue", "alpha", "palette", "hue", "saturat
 class Raster:
     """Outline of a file of heights, which is read by windows.
 
-    A node is a pixel's centre; rows are counted from the south, columns from the west. Lengths are in metres, whatever the
-    file's units.
+    A node is a pixel's centre; rows are counted from the south, columns from the west. Lengths are in metres, independently
+    of the file's units.
     """
 
     source: str  # path, or GDAL's name for it
@@ -66,11 +66,27 @@ class Raster:
         return self.georeference.crs
 
     def x(self, first: int, last: int) -> Array:
-        """Return x (last - first,) of the nodes first..last, m."""
+        """Return x of the nodes of some columns.
+
+        Args:
+            first: first column, counted from the west.
+            last: one past the last.
+
+        Returns:
+            (last - first,) m.
+        """
         return _positions(self.corner[0], self.step[0], self.shape[1], first, last)
 
     def y(self, first: int, last: int) -> Array:
-        """Return y (last - first,) of the nodes first..last, m."""
+        """Return y of the nodes of some rows.
+
+        Args:
+            first: first row, counted from the south.
+            last: one past the last.
+
+        Returns:
+            (last - first,) m.
+        """
         return _positions(self.corner[1], self.step[1], self.shape[0], first, last)
 
     @property
@@ -123,7 +139,7 @@ class Raster:
     def screened(
         self, rows: tuple[int, int] | None = None, cols: tuple[int, int] | None = None, *, quiet: bool = False
     ) -> Raster:
-        """Look at all stored values of a window for undeclared missing data, and for steps.
+        """Search all stored values of a window for undeclared missing data and for steps.
 
         Args:
             rows: first, one past the last; None: all.
@@ -166,8 +182,11 @@ def open_raster(path: str | Path, band: int = 1, cell: float | None = None) -> R
 
     Args:
         path: a file, or a name that GDAL takes: netcdf:file.nc:z, /vsizip/file.zip/dem.tif.
-        band: the one that holds the heights, from 1.
+        band: number of the band with the heights, from 1.
         cell: side of a cell, m, for a file without georeference or CRS; the map's south-west corner is then (0, 0).
+
+    Returns:
+        The outline; no heights are read.
 
     Raises:
         TerrainError: rasterio is not installed; no such file or band; not a raster of heights; a grid that is rotated,
@@ -245,10 +264,16 @@ def read_raster(
 
 
 def locate(path: str | Path) -> str:
-    """Return the absolute path of a file, or GDAL's name for a raster (netcdf:f.nc:z, /vsizip/…).
+    """Return the absolute path of a file, or GDAL's name for a raster.
+
+    Args:
+        path: a file, or a name that GDAL takes: netcdf:file.nc:z, /vsizip/file.zip/dem.tif.
+
+    Returns:
+        The absolute path of a file that exists; otherwise the name as given.
 
     Raises:
-        TerrainError: no such file.
+        TerrainError: no such file, and not a name of GDAL's.
     """
     text = os.fspath(path)
     if os.path.exists(text):
@@ -259,13 +284,20 @@ def locate(path: str | Path) -> str:
 
 
 def short_name(source: str) -> str:
-    """Return the last part of a path or of GDAL's name: "dem.tif", "file.nc:z"."""
+    """Return the last part of a path or of GDAL's name.
+
+    Args:
+        source: as `locate` returns it.
+
+    Returns:
+        For example "dem.tif" or "file.nc:z".
+    """
     return source.rstrip("/").rsplit("/", 1)[-1] or source
 
 
 @contextmanager
 def _opened(source: str) -> Iterator[Any]:
-    """Open a file, and turn rasterio's errors into ours."""
+    """Open a file, and raise rasterio's errors as TerrainError."""
     try:
         import rasterio
         from rasterio.errors import NotGeoreferencedWarning

@@ -1,8 +1,8 @@
-"""The C2 cubic spline through a grid of heights: its B-spline coefficients, a roof over it, how much it bends.
+"""C2 cubic spline through a grid of heights: coefficients, upper bound, curvature bound.
 
-A node's coefficient leans on all the map, by 0.27 less for each node further off. Here it leans on a margin around its
-tile, and tiles lie fixed on the map: so a part of a map, read by itself, gets the very numbers that the whole map has, and
-both are the spline to the last digit, as what lies beyond the margin weighs less than 1e-20.
+A node's coefficient depends on the whole map, by a factor of 0.27 less per node of distance. Here it is computed from a
+margin around its tile; nodes beyond the margin would change it by less than 1e-20 of their height. Tiles have fixed
+positions on the map. So a window that is read by itself gets bit-identical coefficients to those of the whole map.
 """
 
 from __future__ import annotations
@@ -16,26 +16,41 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 TILE = 256  # nodes a side
-MARGIN = 40  # nodes around a tile that its coefficients are worked out from
-BRIDGE = 32  # nodes: how far into unknown ground the known ground's heights are carried
-STRIP = 64  # rows worked on at once, so that they stay in the processor's cache
+MARGIN = 40  # nodes around a tile from which its coefficients are computed
+BRIDGE = 32  # nodes: distance over which heights are extended into missing data
+STRIP = 64  # rows computed at once, so that they stay in the processor's cache
 
 
 def nodes_needed(start: int, stop: int, count: int) -> tuple[int, int]:
-    """The first and one past the last node, of `count` along an axis, that the coefficients of nodes start..stop need."""
+    """Return the nodes from which coefficients are computed, along one axis.
+
+    Args:
+        start: first node.
+        stop: one past the last.
+        count: nodes of the map along the axis.
+
+    Returns:
+        First and one past the last node.
+    """
     tiles = list(_tiles(start, stop, count))
     return max(tiles[0][0] - MARGIN - BRIDGE, 0), min(tiles[-1][1] + MARGIN + BRIDGE, count)
 
 
 def coefficients(z: Array, first: tuple[int, int], shape: tuple[int, int], rows: tuple[int, int], cols: tuple[int, int]) -> Array:
-    """Coefficients of the nodes rows × cols (first, one past the last) and of a ring around them; nan where unknown.
+    """Compute the B-spline coefficients of a window and of a ring of one node around it.
 
-    Unknown nodes (nan) are bridged, so that the spline exists; their coefficients are then struck out again, which makes
-    every cell that leans on one unknown. What a bridge leaks further in dies off by 0.27 a cell.
+    Nodes without data are bridged, so that the spline exists, and their coefficients are then set to NaN. So every cell that
+    depends on missing data is NaN. The influence of a bridge on further cells falls by a factor of 0.27 per cell.
 
     Args:
-        z: heights from node `first` on, at least what `nodes_needed` asks for.
-        shape: of the whole map.
+        z: heights from node `first` on, m; at least those of `nodes_needed`. NaN is missing data.
+        first: row and column of z[0, 0] in the map.
+        shape: rows, cols of the whole map.
+        rows: first, one past the last of the window.
+        cols: the same.
+
+    Returns:
+        (rows + 2, cols + 2) coefficients, m; NaN at nodes without data.
     """
     known = np.isfinite(z)
     c = _along(z if known.all() else _bridged(z, known), first[0], shape[0], *rows)
@@ -48,13 +63,24 @@ def coefficients(z: Array, first: tuple[int, int], shape: tuple[int, int], rows:
 
 
 def _tiles(start: int, stop: int, count: int) -> Iterator[tuple[int, int]]:
-    """The tiles of an axis that hold nodes start..stop and one more on either side."""
+    """Yield the tiles of an axis that hold nodes start..stop and one more on either side."""
     for begin in range(max(start - 1, 0) // TILE * TILE, min(stop + 1, count), TILE):
         yield begin, min(begin + TILE, count)
 
 
 def _along(z: Array, first: int, count: int, start: int, stop: int) -> Array:
-    """Coefficients of the nodes start - 1..stop (both included) along axis 0, tile by tile; z begins at node `first`."""
+    """Compute coefficients along axis 0, tile by tile.
+
+    Args:
+        z: heights from node `first` on, without NaN.
+        first: index of z[0] in the map.
+        count: nodes of the map along the axis.
+        start: first node of the window.
+        stop: one past its last.
+
+    Returns:
+        (stop - start + 2, z.shape[1]): nodes start - 1 to stop, both included.
+    """
     c = np.empty((stop - start + 2, z.shape[1]))
     for begin, end in _tiles(start, stop, count):
         low, high = max(begin - MARGIN, 0), min(end + MARGIN, count)
@@ -66,11 +92,17 @@ def _along(z: Array, first: int, count: int, start: int, stop: int) -> Array:
 
 
 def _not_a_knot(z: Array) -> Array:
-    """Solve (c[i-1] + 4 c[i] + c[i+1]) / 6 = z[i] down axis 0, the third derivative continuous at the first and last inner
-    node; c has a row more at either end.
+    """Solve (c[i-1] + 4 c[i] + c[i+1]) / 6 = z[i] along axis 0 with not-a-knot ends.
 
-    That continuity and the three equations about an inner node give its coefficient at once; between the two of them the
-    rest is a tridiagonal system. All of it goes element by element: a column's numbers do not depend on its neighbours.
+    The third derivative is continuous at the first and the last inner node. This condition and the three equations around
+    such a node give its coefficient directly; the equations between the two nodes are a tridiagonal system. All operations
+    are element by element, so the numbers of a column do not depend on its neighbours.
+
+    Args:
+        z: (n, m) heights, n >= 4.
+
+    Returns:
+        (n + 2, m) coefficients: one more row at either end.
     """
     n = len(z)
     c = np.empty((n + 2, z.shape[1]))
@@ -88,22 +120,28 @@ def _not_a_knot(z: Array) -> Array:
     for k in range(n - 3, 1, -1):
         np.multiply(node[k + 1], weight[k - 1], out=carried)
         node[k] -= carried
-    for rim, inner, past in ((0, 1, 0), (-1, -2, -1)):
-        node[rim] = 6.0 * z[inner] - 4.0 * node[inner] - node[2 if rim == 0 else -3]
-        c[past] = 6.0 * z[rim] - 4.0 * node[rim] - node[inner]
+    for edge, inner, past in ((0, 1, 0), (-1, -2, -1)):
+        node[edge] = 6.0 * z[inner] - 4.0 * node[inner] - node[2 if edge == 0 else -3]
+        c[past] = 6.0 * z[edge] - 4.0 * node[edge] - node[inner]
     return c
 
 
 def _bridged(z: Array, known: NDArray[np.bool_]) -> Array:
-    """Heights with unknown nodes bridged: by the nearest in their row, then in their column, within `BRIDGE`; 0 beyond,
-    where a jump no longer matters."""
+    """Return heights with missing data filled from near nodes, so that the spline exists.
+
+    A node takes the height of the nearest node with data in its row, then in its column, within `BRIDGE` nodes; otherwise 0,
+    as a jump at that distance has no influence.
+    """
     for axis in (1, 0):
         z, known = _nearest(z, known, axis)
     return np.where(known, z, 0.0)
 
 
 def _nearest(z: Array, known: NDArray[np.bool_], axis: int) -> tuple[Array, NDArray[np.bool_]]:
-    """Unknown nodes take the height of the nearest known one along the axis, if it is no further than `BRIDGE`."""
+    """Return heights with missing data filled along an axis, and the mask of filled nodes.
+
+    A node takes the height of the nearest node with data along the axis, within `BRIDGE` nodes.
+    """
     count = z.shape[axis]
     at = np.expand_dims(np.arange(count), 1 - axis)
     before = np.maximum.accumulate(np.where(known, at, -count), axis=axis)
@@ -114,7 +152,14 @@ def _nearest(z: Array, known: NDArray[np.bool_], axis: int) -> tuple[Array, NDAr
 
 
 def greatest_differences(c: Array) -> tuple[float, float, float]:
-    """The greatest second differences of the coefficients along x, along y and mixed; nan where ground is missing."""
+    """Return the greatest absolute second differences of the coefficients.
+
+    Args:
+        c: (rows, cols) coefficients, m.
+
+    Returns:
+        Along x, along y and mixed, m; NaN where data is missing.
+    """
     xx = float(np.abs(np.diff(c, 2, axis=1)).max())
     yy = float(np.abs(np.diff(c, 2, axis=0)).max())
     xy = float(np.abs(np.diff(np.diff(c, axis=0), axis=1)).max())
@@ -122,18 +167,33 @@ def greatest_differences(c: Array) -> tuple[float, float, float]:
 
 
 def greatest_curvature(differences: tuple[float, float, float], step: tuple[float, float]) -> float:
-    """A bound on the spline's second derivative along any direction: those of a spline lie within the second differences
-    of its coefficients. inf where ground is missing."""
+    """Return an upper bound of the spline's absolute second derivative along any direction.
+
+    The second derivatives of a cubic spline lie within the second differences of its coefficients.
+
+    Args:
+        differences: of `greatest_differences`, m.
+        step: dx, dy, m.
+
+    Returns:
+        1/m; inf where data is missing.
+    """
     xx, yy, xy = differences
     bound = max(xx / step[0] ** 2, yy / step[1] ** 2) + xy / (step[0] * step[1])
     return bound if math.isfinite(bound) else math.inf
 
 
 def upper_bound(c: Array) -> Array:
-    """Node heights (rows, cols) whose bilinear surface the spline of coefficients c (rows + 2, cols + 2) nowhere rises over.
+    """Return node heights whose bilinear surface the spline never exceeds.
 
-    A cell's spline lies under its Bézier ordinates; by what these exceed the plane-like surface through the cell's
-    corners, its corners are lifted. inf around cells that are not known.
+    The spline in a cell lies below its Bézier ordinates. The corners of the cell are raised by the greatest excess of these
+    over the bilinear surface through the corners.
+
+    Args:
+        c: (rows + 2, cols + 2) coefficients with a ring around them, m.
+
+    Returns:
+        (rows, cols) m; inf around cells without data.
     """
     rows, cols = c.shape[0] - 3, c.shape[1] - 3  # cells
     lift = np.zeros((rows + 1, cols + 1))
@@ -151,7 +211,14 @@ def upper_bound(c: Array) -> Array:
 
 
 def _bulge(c: Array) -> Array:
-    """How far each cell's Bézier ordinates exceed the bilinear surface through its corners; inf where it is unknown."""
+    """Return each cell's greatest excess of its Bézier ordinates over its bilinear surface.
+
+    Args:
+        c: (rows + 3, cols + 3) coefficients around (rows, cols) cells, m.
+
+    Returns:
+        (rows, cols) m; inf for cells without data.
+    """
     bezier = np.array([[1, 4, 1, 0], [0, 4, 2, 0], [0, 2, 4, 0], [0, 1, 4, 1]]) / 6
     rows, cols = c.shape[0] - 3, c.shape[1] - 3
     across = [sum(w * c[:, n : n + cols] for n, w in enumerate(weights)) for weights in bezier]

@@ -1,4 +1,4 @@
-"""Arrays that kernels read, made for a map or for a window of it, and the checks of its grid and heights."""
+"""Arrays that kernels read, derived from a map or a window, and checks of grid and heights."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from . import spline
 Array = NDArray[np.float64]
 Interpolation = Literal["cubic", "linear"]
 
-MAX_HEIGHT = 1e7  # m: heights may be radii of a planet; greater ones mark missing data
+MAX_HEIGHT = 1e7  # m: heights may be radii of a planet; greater values mark missing data
 MAX_COORDINATE = 1e9  # m: where double precision resolves 1e-7 m
 SPACING_RANGE = (1e-6, 1e6)  # m
 RESOLVED = 1e-6  # cells: the greatest rounding error of a coordinate, as in _kernels.ground.onto
@@ -30,7 +30,7 @@ class MapExtent(NamedTuple):
     interpolation: Interpolation
     crs: str | None
     name: str
-    level: float  # m, the reference height (`Datum`), subtracted so that -4,450 m does not cost the last digits
+    level: float  # m, the reference height (`Datum`), subtracted to keep digits of heights such as -4,450 m
     curvature: float | None  # ground.META_MAX_CURVATURE; None: compute it, as the window is the whole map
     steep: float = np.inf  # ground.META_STEEP
 
@@ -92,7 +92,7 @@ class Datum:
         self.steps = [-(-count // DATUM_SIDE) for count in shape]
         self.sample: list[Array] = []  # known nodes of the subgrid
         self.first: list[Array] = []  # the first known nodes, while the subgrid has none
-        self.room = DATUM_SIDE**2  # how many more of them are kept
+        self.room = DATUM_SIDE**2  # number of further ones to keep
 
     def add(self, row: int, z: Array) -> None:
         """Add the next rows of the map after checking their heights.
@@ -116,7 +116,7 @@ class Datum:
             self.room -= known.size
 
     def _refuse(self, row: int, z: Array) -> None:
-        """Raise the error for the first height beyond `MAX_HEIGHT` of the rows z that begin at `row`."""
+        """Raise the error for the first height beyond `MAX_HEIGHT` in rows z that begin at `row`."""
         at = int(np.argmax(np.abs(z) > MAX_HEIGHT))
         i, col = row + at // z.shape[1], at % z.shape[1]
         x, y = (first + n * step for first, n, step in zip(self.origin, (col, i), self.spacing, strict=True))
@@ -126,10 +126,13 @@ class Datum:
         )
 
     def height(self) -> float:
-        """Return the reference height, m.
+        """Return the reference height.
+
+        Returns:
+            m, a whole number.
 
         Raises:
-            TerrainError: no node is known.
+            TerrainError: every height is missing.
         """
         values = np.concatenate([*(self.sample or self.first), np.empty(0)])
         if values.size == 0:

@@ -1,12 +1,12 @@
-"""Named ground: the paper's, simple shapes for tests and lessons, and made-up Mars. Every size is a keyword; SI, radians.
+"""Named surfaces: the paper's, simple shapes, synthetic Mars; lengths in m, angles in rad.
 
-Every surface is a `Terrain`. Unless it says otherwise a map is `size` metres across (one number, or x and y) with
-(0, 0) in its middle; `spacing` is its node distance and `interpolation` what `Terrain.from_array` takes. Shapes with a
-`direction` run level across it and change along s = x cos(direction) + y sin(direction). What is drawn at random is
-drawn from `seed` alone: the same arguments give the same ground.
+Every surface is a `Terrain`. Unless stated otherwise a map has the side `size` (one number, or x and y) and (0, 0) at its
+centre. `spacing` is the distance of its nodes, `interpolation` as in `Terrain.from_array`. Shapes with a `direction` are
+constant across it and vary along s = x cos(direction) + y sin(direction). Random surfaces depend on `seed` only: the same
+arguments give the same terrain.
 
-A node is the least a grid can say: a face is never steeper than its height over one cell, and a cubic surface swings
-to both sides of a kink (by 0.27 a cell, dying off). So what has edges is "linear" here, and what is smooth "cubic".
+A face is never steeper than its height over one cell. A cubic surface oscillates on both sides of a sharp edge, by a
+factor of 0.27 less per cell. So surfaces with edges are "linear" by default, and smooth ones "cubic".
 """
 
 from __future__ import annotations

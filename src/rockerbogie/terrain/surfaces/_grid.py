@@ -1,4 +1,4 @@
-"""Nodes for made-up maps, and the sentences for sizes that cannot be."""
+"""Nodes of generated maps, and checks of their sizes."""
 
 from __future__ import annotations
 
@@ -9,26 +9,52 @@ from ...errors import TerrainError
 
 Array = NDArray[np.float64]
 
-#: Largest made-up map, nodes: 1.6 GB with its spline coefficients.
+#: Largest generated map, nodes: 1.6 GB with its spline coefficients.
 MOST_NODES = 100_000_000
 
 
 def finite(**values: float) -> None:
-    """Refuse what is not finite."""
+    """Check that values are finite.
+
+    Args:
+        values: name → value.
+
+    Raises:
+        TerrainError: NaN or infinity, with the name.
+    """
     for name, value in values.items():
         if not np.isfinite(value):
             raise TerrainError(f"{name} is {value}; give a finite number")
 
 
 def positive(**sizes: float) -> None:
-    """Refuse what is not finite and above 0."""
+    """Check that sizes are finite and above 0.
+
+    Args:
+        sizes: name → value.
+
+    Raises:
+        TerrainError: another value, with the name.
+    """
     for name, size in sizes.items():
         if not (np.isfinite(size) and size > 0):
             raise TerrainError(f"{name} is {size}; give a finite number above 0")
 
 
 def span(x: tuple[float, float], y: tuple[float, float], spacing: float) -> tuple[Array, Array]:
-    """Nodes (cols,) and (rows,) from the low end of each span to its high end, or the last whole cell before it."""
+    """Return the nodes of a map over two spans.
+
+    Args:
+        x: lowest and highest x, m.
+        y: lowest and highest y, m.
+        spacing: of the nodes, m.
+
+    Returns:
+        (cols,) x and (rows,) y, m: from the low end of each span to the last whole cell within it.
+
+    Raises:
+        TerrainError: numbers that are not finite, fewer than 4 nodes a side, or more than `MOST_NODES` nodes.
+    """
     positive(spacing=spacing)
     finite(xmin=x[0], xmax=x[1], ymin=y[0], ymax=y[1])
     cols, rows = (int(np.floor((high - low) / spacing + 1e-6)) + 1 for low, high in (x, y))
@@ -42,7 +68,18 @@ def span(x: tuple[float, float], y: tuple[float, float], spacing: float) -> tupl
 
 
 def centred(size: float | tuple[float, float], spacing: float) -> tuple[Array, Array]:
-    """Nodes (cols,) and (rows,) of a map `size` across with (0, 0) in its middle."""
+    """Return the nodes of a map with (0, 0) at its centre.
+
+    Args:
+        size: side of the map, or (x, y), m.
+        spacing: of the nodes, m.
+
+    Returns:
+        (cols,) x and (rows,) y, m.
+
+    Raises:
+        TerrainError: as `span`, or a size that is not one or two positive numbers.
+    """
     try:
         sx, sy = np.broadcast_to(np.asarray(size, dtype=float), (2,))
     except ValueError:

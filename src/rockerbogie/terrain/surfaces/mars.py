@@ -1,14 +1,14 @@
-"""Made-up Mars: self-affine ground, craters, and rocks by the size-frequency law counted at the landing sites.
+"""Synthetic Mars: self-affine terrain, craters, and rocks by the law of the landing sites.
 
 Sources of the laws and numbers:
 - rocks: Golombek & Rapp 1997, J. Geophys. Res. 102(E2), 4117; Golombek et al. 2003, J. Geophys. Res. 108(E12), 8086:
-  the share of the ground covered by rocks of diameter D and larger is k exp(-q D), q = 1.79 + 0.152 / k (D in metres);
+  rocks of diameter D and larger cover k exp(-q D) of the area, q = 1.79 + 0.152 / k (D in metres);
 - roughness: Shepard et al. 2001, J. Geophys. Res. 106(E12), 32777 (deviation of height against baseline, Hurst
   exponent); RMS slopes over 1 m of 5.4 ± 1.0 deg (Pathfinder) and 4.8 ± 1.0 deg (Viking 1), Hurst exponents of 0.5 to
   0.8, in Shepard et al., "The roughness of the Martian surface: what we know";
 - craters: Melosh 1989, Impact Cratering (simple craters: depth a fifth, rim a twenty-eighth of the diameter); the
-  ejecta's cube law: McGetchin et al. 1973, Earth Planet. Sci. Lett. 20, 226; numbers falling with the square of the
-  diameter: Trask 1966, JPL TR 32-800 (equilibrium: 10^-1.1 craters of 1 m and larger a square metre).
+  ejecta's cube law: McGetchin et al. 1973, Earth Planet. Sci. Lett. 20, 226; number proportional to the inverse square of
+  the diameter: Trask 1966, JPL TR 32-800 (equilibrium: 10^-1.1 craters of 1 m and larger per square metre).
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from ._grid import centred, positive
 
 Array = NDArray[np.float64]
 
-FRESH_DEPTH, FRESH_RIM = 0.2, 0.036  # of a crater's diameter, floor and rim crest
-EJECTA_REACH = 3.0  # crater radii, where the ejecta's cube law is faded out
-CROWDED = 200  # rounds of moving rocks that overlap, before giving up
+FRESH_DEPTH, FRESH_RIM = 0.2, 0.036  # depth of the floor and height of the rim, relative to the crater's diameter
+EJECTA_REACH = 3.0  # crater radii at which the ejecta's cube law is faded out to 0
+CROWDED = 200  # greatest number of rounds in which overlapping rocks are moved
 
 
 def mars(
@@ -44,15 +44,26 @@ def mars(
     spacing: float = 0.05,
     interpolation: Interpolation = "linear",
 ) -> Terrain:
-    """A piece of Mars: `fractal` ground, craters old and young on it, and `rocks` on top.
+    """Make synthetic Mars: `fractal` terrain, craters of all ages on it, and `rocks` on top.
 
     Args:
-        seed: of everything drawn.
-        rms_slope, hurst: of the ground below, as for `fractal`; rad, and 0 to 1.
-        crater_density: c in: c / D² craters of diameter D and larger a square metre, D in metres. 0 for none.
-        smallest_crater: diameter, m. The largest are a quarter of the map.
-        k, smallest_rock, largest_rock: as for `rocks`; k = 0 for none.
-        size, spacing, interpolation: of the map.
+        seed: of all random numbers.
+        rms_slope: of the terrain below, as for `fractal`, rad.
+        hurst: the same, 0 to 1.
+        crater_density: c: there are c / D² craters of diameter D and larger per square metre, D in metres. 0: no craters.
+        smallest_crater: diameter, m. The largest is a quarter of the map's shorter side.
+        k: area fraction of rocks, as for `rocks`; 0: no rocks.
+        smallest_rock: diameter, m.
+        largest_rock: diameter, m.
+        size: side of the map, or (x, y), m.
+        spacing: of the nodes, m.
+        interpolation: "linear" or "cubic".
+
+    Returns:
+        The terrain.
+
+    Raises:
+        TerrainError: a value outside its range.
     """
     if not 0 <= crater_density < 1:
         raise TerrainError(f"crater_density is {crater_density}; give 0 (none) to 1 (saturated is 0.08)")
@@ -81,13 +92,24 @@ def fractal(
     spacing: float = 0.05,
     interpolation: Interpolation = "cubic",
 ) -> Terrain:
-    """Self-affine ground: heights a baseline L apart differ by tan(`rms_slope`) (L / 1 m)^`hurst` m RMS.
+    """Make self-affine terrain with a given RMS slope and Hurst exponent.
 
-    Drawn as waves of random phase and normal amplitude on a torus of twice the map, so that its sides do not join.
+    Heights at a distance L differ by tan(`rms_slope`) (L / 1 m)^`hurst` m RMS. They are the sum of waves with random phase
+    and normal amplitude on a torus of twice the map's sides, so opposite edges of the map do not match.
 
     Args:
+        seed: of all random numbers.
         rms_slope: over a baseline of 1 m, rad.
-        hurst: above 0 (rough at every scale) and below 1 (smooth when close).
+        hurst: between 0 (rough at every scale) and 1 (smooth when close), both excluded.
+        size: side of the map, or (x, y), m.
+        spacing: of the nodes, m.
+        interpolation: "cubic" or "linear".
+
+    Returns:
+        The terrain, with mean height near 0.
+
+    Raises:
+        TerrainError: a value outside its range.
     """
     if not 0 < hurst < 1:
         raise TerrainError(f"hurst is {hurst}; give a number between 0 and 1 (Mars: 0.5 to 0.8)")
@@ -99,7 +121,7 @@ def fractal(
     ky = 2 * np.pi * np.fft.fftfreq(rows, spacing)[:, None]
     k2 = kx**2 + ky**2
     k2[0, 0] = np.inf
-    power = k2 ** -(hurst + 1)  # of each wave; a self-affine surface's falls as k^-(2 H + 2)
+    power = k2 ** -(hurst + 1)  # of each wave; proportional to k^-(2 H + 2) on a self-affine surface
     both = np.where((kx == 0) | (2 * np.arange(len(kx)) == cols), 1.0, 2.0)  # rfft keeps one of each pair of waves
     variance = float((both * power * 2 * (1 - np.cos(kx))).sum())  # of z(x + 1 m) - z(x)
     noise = np.fft.rfft2(np.random.default_rng(seed).standard_normal((rows, cols)))  # each of variance rows · cols
@@ -118,25 +140,34 @@ def rocks(
     spacing: float = 0.02,
     interpolation: Interpolation = "linear",
 ) -> Terrain:
-    """Rocks on a base: half-sunk ellipsoids that do not overlap, their sizes by Golombek's law (see `golombek_rocks`).
+    """Place rocks on a base: half-buried ellipsoids without overlap, sized by Golombek's law.
 
-    A rock's outline is an ellipse of its diameter's area, up to 1.5 times longer than broad; it stands 0.3 to 0.6 of
-    its diameter high, and is sunk a little below its widest, so that its walls lean by 55 to 80 deg at the ground.
+    A rock's outline is an ellipse with the area of its diameter, up to 1.5 times longer than wide. Its height is 0.3 to 0.6
+    of its diameter. It is buried slightly below its widest section, so that its walls have slopes of 55 to 80 deg at the
+    base. See `golombek_rocks` for the law.
 
     Args:
-        k: share of the ground that rocks of any size would cover, up to 0.4; 0.05 to 0.2 is Mars.
-        smallest, largest: diameter, m.
-        base: what they lie on, its nodes kept; or None for level ground of `size`, `spacing` and `interpolation`.
+        k: area fraction that rocks of all sizes would cover, up to 0.4; 0.05 to 0.2 on Mars.
+        seed: of all random numbers.
+        smallest: diameter, m.
+        largest: diameter, m.
+        base: terrain below the rocks, whose nodes are kept. None: z = 0 with `size`, `spacing` and `interpolation`.
+        size: side of the map, or (x, y), m.
+        spacing: of the nodes, m.
+        interpolation: "linear" or "cubic".
+
+    Returns:
+        The terrain.
 
     Raises:
-        TerrainError: k or a size that cannot be, or rocks smaller than two cells.
+        TerrainError: a value outside its range, rocks smaller than two cells, or more rocks than the map has room for.
     """
     if base is None:
         x, y = centred(size, spacing)
         base = Terrain.from_array(np.zeros((len(y), len(x))), spacing, (x[0], y[0]), interpolation)
     if smallest < 2 * max(base.spacing):
         raise TerrainError(
-            f"rocks of {smallest} m are lost on nodes {max(base.spacing):g} m apart: give at least {2 * max(base.spacing):g} m"
+            f"rocks of {smallest} m are below two cells of {max(base.spacing):g} m: give at least {2 * max(base.spacing):g} m"
         )
     xmin, ymin, xmax, ymax = base.bounds
     px, py, diameter = golombek_rocks(k, (xmax - xmin, ymax - ymin), seed, smallest=smallest, largest=largest)
@@ -164,16 +195,29 @@ def rocks(
 def golombek_rocks(
     k: float, size: tuple[float, float], seed: int = 0, *, smallest: float = 0.1, largest: float = 1.5
 ) -> tuple[Array, Array, Array]:
-    """Places x, y (n,) in [0, size) and diameters (n,), largest first, m, of rocks that do not overlap.
+    """Draw positions and diameters of rocks that do not overlap.
 
-    F(D) = k exp(-q D), q = 1.79 + 0.152 / k, is the share of the ground that rocks of diameter D and larger cover;
-    between `smallest` and `largest` there are then 4 k q exp(-q D) / (π D²) a square metre and metre of diameter.
-    Diameters are drawn one from each n-th part of that law, so that a small map keeps to it as well as a large one.
+    Rocks of diameter D and larger cover the area fraction F(D) = k exp(-q D), q = 1.79 + 0.152 / k, D in metres (Golombek &
+    Rapp 1997). So there are 4 k q exp(-q D) / (π D²) rocks per square metre and per metre of diameter between `smallest` and
+    `largest`. One diameter is drawn from each n-th part of this law, so that small maps obey it as well as large ones.
+
+    Args:
+        k: area fraction that rocks of all sizes would cover, 0 to 0.4.
+        size: x and y extent, m.
+        seed: of all random numbers.
+        smallest: diameter, m.
+        largest: diameter, m.
+
+    Returns:
+        x and y (n,) from 0 to `size`, and diameters (n,), largest first, m.
+
+    Raises:
+        TerrainError: a value outside its range, or rocks that still overlap after `CROWDED` rounds.
     """
     from scipy.spatial import cKDTree
 
     if not 0 < k <= 0.4:
-        raise TerrainError(f"k is {k}; give a share of the ground between 0 and 0.4 (Mars: 0.05 to 0.2)")
+        raise TerrainError(f"k is {k}; give an area fraction between 0 and 0.4 (Mars: 0.05 to 0.2)")
     positive(smallest=smallest, largest=largest)
     if not smallest < largest:
         raise TerrainError(f"smallest rock {smallest} m is not below the largest, {largest} m")
@@ -188,7 +232,7 @@ def golombek_rocks(
     reach = diameter / 2 * np.sqrt(1.5)  # of the longest outline
     for _ in range(CROWDED):
         tree = cKDTree(place)
-        near = tree.query_ball_point(place, 2 * reach)  # the larger of two that overlap sees the smaller
+        near = tree.query_ball_point(place, 2 * reach)  # radius for the larger of two rocks, which finds the smaller
         first = np.repeat(np.arange(n), [len(found) for found in near])
         second = np.concatenate([np.asarray(found, dtype=int) for found in near]) if n else first
         apart = np.hypot(*(place[first] - place[second]).T)
@@ -200,12 +244,12 @@ def golombek_rocks(
 
 
 def _strata(rng: np.random.Generator, n: int) -> Array:
-    """(n,) numbers in [0, 1), ascending, one at random in each n-th part."""
+    """Return n ascending random numbers in [0, 1), one in each n-th part."""
     return (np.arange(n) + rng.random(n)) / max(n, 1)
 
 
 def _crater(z: Array, ground: Terrain, x: float, y: float, diameter: float, youth: float) -> None:
-    """Dig a simple crater into z: a bowl up to its rim, ejecta beyond; youth 1 is fresh, 0 gone."""
+    """Add a simple crater to z: a bowl up to its rim, ejecta beyond; youth 1: fresh, 0: flat."""
     window, u, v = _around(ground, x, y, EJECTA_REACH * diameter / 2)
     r = np.hypot(u, v) / (diameter / 2)
     rim, depth = FRESH_RIM * youth * diameter, FRESH_DEPTH * youth * diameter
@@ -214,7 +258,11 @@ def _crater(z: Array, ground: Terrain, x: float, y: float, diameter: float, yout
 
 
 def _around(ground: Terrain, x: float, y: float, reach: float) -> tuple[tuple[slice, slice], Array, Array]:
-    """The nodes within `reach` of (x, y), as a window into z, and their offsets (cols,) and (rows, 1) from there."""
+    """Return the nodes within `reach` of (x, y): a window into z, and their offsets from (x, y).
+
+    Returns:
+        (row slice, column slice); (cols,) offsets along x, m; (rows, 1) offsets along y, m.
+    """
     (x0, y0), (dx, dy) = ground.origin, ground.spacing
     rows, cols = ground.z.shape
     c0, c1 = max(math.ceil((x - reach - x0) / dx), 0), min(math.floor((x + reach - x0) / dx) + 1, cols)

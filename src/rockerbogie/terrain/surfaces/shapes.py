@@ -1,4 +1,4 @@
-"""Ground of simple shape, and smooth random ground whose steepness and curvature are known."""
+"""Terrain of simple shape, and smooth random terrain with limited slope and curvature."""
 
 from __future__ import annotations
 
@@ -30,32 +30,37 @@ def paper(
     spacing: float = 1 / 150,
     interpolation: Interpolation = "cubic",
 ) -> Terrain:
-    """The two tracks of the paper's section III: a harmonic hill on the left (y > 0), two ramps on the right.
+    """Make the tracks of the paper's section III: a harmonic hill (y > 0), two ramps (y < 0).
 
-    The paper prints the ramps' slope, 16.7 deg (tan 0.3), and no other size: all the rest here is chosen. From x = 0,
-    where the rover's reference point starts, a flat run-in; then, over the same length, hill_amplitude (1 - cos) on
-    the left, and on the right a ramp up, a level top and a ramp down; then flat again.
+    The paper gives the slope of the ramps, 16.7 deg (tan 0.3), and no other size: all other defaults are chosen. The rover
+    starts at x = 0 on a flat part. Then follow, over the same length, a hill of hill_amplitude (1 - cos) on the left, and a
+    ramp up, a horizontal top and a ramp down on the right. The rest is flat again.
 
-    The ramps' corners are rounded over `corner` on either side (the curvature is a hat of that half width), which a
-    cubic surface holds exactly when corners fall on nodes and `corner` is a whole number of cells, as they do by
-    default; a sharp corner (0) would ripple on it. A wheel of 0.1 m radius touches the two faces of the hollow corner
-    14.7 mm from it, beyond the default rounding, so that its contact still jumps from the flat to the ramp.
+    The corners of the ramps are rounded over `corner` on either side, with a curvature that is a triangle of that half width.
+    A cubic surface reproduces this exactly if the corners lie on nodes and `corner` is a whole number of cells, as by default;
+    it oscillates at a sharp corner (0). A wheel of 0.1 m radius has contact with both faces of the concave corner 14.7 mm from
+    it, beyond the default rounding: its contact still jumps from the flat part to the ramp.
 
     Args:
-        run_in: x where hill and ramps begin, m.
-        length: of the hill, and of the ramps with the level top between them, m.
+        run_in: x at which hill and ramps begin, m.
+        length: of the hill, and of the two ramps with the top between them, m.
         hill_amplitude: half the hill's height, m.
         ramp_slope: of both ramps, rad.
-        ramp_height: of the level top, m.
+        ramp_height: of the top, m.
         corner: half length of the rounding of the ramps' corners, m; 0 is sharp.
-        seam: width of the strip along y = 0 over which one side goes over to the other, m; the wheels of the paper's
-            rover run at y = ±0.27 and, as it rolls, keep 0.1 m clear of the default strip.
-        run_out: flat ground beyond, m.
-        behind: flat ground behind x = 0, m.
-        width: of the map, m.
+        seam: width of the strip along y = 0 in which one side blends into the other, m. The wheels of the paper's rover run
+            at y = ±0.27 m and, when it rolls, stay 0.1 m outside the default strip.
+        run_out: length of the flat part beyond, m.
+        behind: length of the flat part behind x = 0, m.
+        width: of the map along y, m.
+        spacing: of the nodes, m.
+        interpolation: "cubic" or "linear".
+
+    Returns:
+        The terrain.
 
     Raises:
-        TerrainError: a size that cannot be.
+        TerrainError: a value outside its range, or ramps that do not fit into `length`.
     """
     finite(run_in=run_in, hill_amplitude=hill_amplitude, run_out=run_out, behind=behind)
     positive(length=length, ramp_slope=ramp_slope, ramp_height=ramp_height, seam=seam, width=width)
@@ -83,7 +88,21 @@ def plane(
     spacing: float = 0.1,
     interpolation: Interpolation = "cubic",
 ) -> Terrain:
-    """A plane through (0, 0, 0) that falls by `slope` rad towards `aspect` rad, counted from x to y."""
+    """Make a plane through (0, 0, 0).
+
+    Args:
+        slope: its angle with the horizontal, rad.
+        aspect: direction in which it falls, counted from x to y, rad.
+        size: side of the map, or (x, y), m.
+        spacing: of the nodes, m.
+        interpolation: "cubic" or "linear".
+
+    Returns:
+        The terrain.
+
+    Raises:
+        TerrainError: a slope of π/2 or more, or a value outside its range.
+    """
     if not abs(slope) < math.pi / 2:
         raise TerrainError(f"slope is {slope} rad; a height field needs less than a quarter turn ({math.pi / 2:.4f})")
     s, x, y = _along(size, spacing, aspect)
@@ -101,13 +120,30 @@ def ramp(
     spacing: float = 0.02,
     interpolation: Interpolation = "cubic",
 ) -> Terrain:
-    """Level ground, a ramp up by `slope` rad from s = `start` m, and level ground `height` m above the first.
+    """Make a ramp between two horizontal parts of different height.
 
-    A negative slope and height lead down. `corner` is the half length of the rounding of both corners, m.
+    Args:
+        slope: of the ramp, rad; negative with a negative height for a ramp down.
+        height: of the second part above the first, m.
+        start: s at which the ramp begins, m.
+        direction: of s, rad.
+        corner: half length of the rounding of both corners, m; 0 is sharp.
+        size: side of the map, or (x, y), m.
+        spacing: of the nodes, m.
+        interpolation: "cubic" or "linear".
+
+    Returns:
+        The terrain.
+
+    Raises:
+        TerrainError: slope and height of different sign or 0, a vertical ramp, or a value outside its range.
     """
     finite(start=start)
     if not (0 < abs(slope) < math.pi / 2 and slope * height > 0):
-        raise TerrainError(f"a ramp of {slope} rad cannot reach {height} m: give both above 0, or both below, and no upright one")
+        raise TerrainError(
+            f"a ramp of {slope} rad cannot reach {height} m: give both above 0 or both below 0, and a slope of less than a "
+            "quarter turn"
+        )
     s, x, y = _along(size, spacing, direction)
     rise = math.tan(slope)
     z = rise * (_hinge(s - start, corner) - _hinge(s - start - height / rise, corner))
@@ -123,10 +159,24 @@ def step(
     spacing: float = 0.01,
     interpolation: Interpolation = "linear",
 ) -> Terrain:
-    """A step up by `height` m (down where negative) at s = `start` m.
+    """Make a step.
 
-    A height field has no upright face: this one leans over one `spacing`, from s = start to start + spacing, and is
-    straight where `direction` runs along the grid and `start` falls on a node. Elsewhere cells cut its edges off.
+    A height field has no vertical face: the face is one `spacing` long, from s = start to start + spacing. It is straight if
+    `direction` is along the grid and `start` lies on a node. Otherwise cells cut its edges off.
+
+    Args:
+        height: of the step, m; negative: down.
+        start: s at which the face begins, m.
+        direction: of s, rad.
+        size: side of the map, or (x, y), m.
+        spacing: of the nodes, m.
+        interpolation: "linear" or "cubic".
+
+    Returns:
+        The terrain.
+
+    Raises:
+        TerrainError: a value outside its range.
     """
     finite(height=height, start=start)
     s, x, y = _along(size, spacing, direction)
@@ -143,10 +193,26 @@ def ditch(
     spacing: float = 0.01,
     interpolation: Interpolation = "linear",
 ) -> Terrain:
-    """A ditch `depth` m deep and `width` m wide at its top, from s = `start` m; its walls lean inward over one `spacing`."""
+    """Make a ditch whose walls are one `spacing` long.
+
+    Args:
+        depth: m; negative: a ridge.
+        width: at the top, walls included, m.
+        start: s at which it begins, m.
+        direction: of s, rad.
+        size: side of the map, or (x, y), m.
+        spacing: of the nodes, m.
+        interpolation: "linear" or "cubic".
+
+    Returns:
+        The terrain.
+
+    Raises:
+        TerrainError: a width below two cells, or a value outside its range.
+    """
     finite(depth=depth, start=start, width=width)
     if width < 2 * spacing:
-        raise TerrainError(f"a ditch {width} m wide has no room for two walls of one cell: refine the spacing of {spacing} m")
+        raise TerrainError(f"a ditch {width} m wide is narrower than two walls of one cell: refine the spacing of {spacing} m")
     s, x, y = _along(size, spacing, direction)
     z = -depth * (np.clip((s - start) / spacing, 0, 1) - np.clip((s - start - width) / spacing + 1, 0, 1))
     return Terrain.from_array(z, spacing, (x[0], y[0]), interpolation, name="ditch")
@@ -161,7 +227,22 @@ def sine(
     spacing: float = 0.02,
     interpolation: Interpolation = "cubic",
 ) -> Terrain:
-    """Waves `amplitude` sin(2π s / `wavelength`), m: level at s = 0 and rising."""
+    """Make waves z = amplitude · sin(2π s / wavelength).
+
+    Args:
+        amplitude: half the height from trough to crest, m.
+        wavelength: m.
+        direction: of s, rad.
+        size: side of the map, or (x, y), m.
+        spacing: of the nodes, m.
+        interpolation: "cubic" or "linear".
+
+    Returns:
+        The terrain.
+
+    Raises:
+        TerrainError: a value outside its range.
+    """
     finite(amplitude=amplitude)
     positive(wavelength=wavelength)
     s, x, y = _along(size, spacing, direction)
@@ -177,14 +258,25 @@ def rough(
     spacing: float = 0.02,
     interpolation: Interpolation = "cubic",
 ) -> Terrain:
-    """Smooth random ground, nowhere steeper than `max_slope` rad nor curved more than a circle of `min_radius` m.
+    """Make smooth random terrain with limited slope and curvature.
 
-    A sum of plane waves over two octaves of wavelength, in all directions. It is scaled until its nodes come within
-    1 % of one of the two limits (between them it may be that much steeper); its wavelengths bring it near the other.
-    The curvature meant is the larger principal value of z's second derivative, which no upright section exceeds.
+    It is a sum of plane waves over two octaves of wavelength, in all directions. It is scaled until its nodes come within 1 %
+    of one of the two limits (between nodes they may be exceeded by that much); the wavelengths bring it near the other limit.
+    The curvature is the larger principal value of the second derivative of z, which no vertical section exceeds.
+
+    Args:
+        seed: of all random numbers.
+        max_slope: steepest slope, rad.
+        min_radius: smallest radius of curvature, m.
+        size: side of the map, or (x, y), m.
+        spacing: of the nodes, m.
+        interpolation: "cubic" or "linear".
+
+    Returns:
+        The terrain.
 
     Raises:
-        TerrainError: a limit that cannot be, or nodes too coarse to hold the waves (under 12 to the shortest).
+        TerrainError: a value outside its range, or a spacing too coarse for the waves (fewer than 12 nodes to the shortest).
     """
     positive(min_radius=min_radius, max_slope=max_slope)
     if not max_slope < math.pi / 2:
@@ -204,22 +296,25 @@ def rough(
     over_y = np.exp(1j * (np.outer(y, ky) + 2 * np.pi * rng.random(WAVES)))
 
     def field(weight: NDArray[np.complexfloating]) -> Array:
-        return np.asarray(((over_y * (weight / wave)) @ over_x).real)  # amplitude as the wavelength: one steepness for all
+        return np.asarray(((over_y * (weight / wave)) @ over_x).real)  # amplitude proportional to wavelength: equal slopes
 
     z, zx, zy = field(np.ones(WAVES) + 0j), field(1j * kx), field(1j * ky)
     xx, xy, yy = field(-kx * kx + 0j), field(-kx * ky + 0j), field(-ky * ky + 0j)
-    bend = np.abs(xx + yy) / 2 + np.hypot((xx - yy) / 2, xy)
-    scale = 0.99 * min(steepest / float(np.hypot(zx, zy).max()), 1 / (min_radius * float(bend.max())))
+    curvature = np.abs(xx + yy) / 2 + np.hypot((xx - yy) / 2, xy)
+    scale = 0.99 * min(steepest / float(np.hypot(zx, zy).max()), 1 / (min_radius * float(curvature.max())))
     return Terrain.from_array(scale * z, spacing, (x[0], y[0]), interpolation, name=f"rough {seed}")
 
 
-#: Waves in `rough`, and its shortest wavelength over that of the one sine wave that meets both limits.
+#: Number of waves in `rough`, and its shortest wavelength relative to that of the single sine wave that meets both limits.
 WAVES = 60
 WAVE_FACTOR = 0.54
 
 
 def _hinge(s: Array, corner: float) -> Array:
-    """0 below s = 0 and s above, the kink rounded within ±corner into two cubics; twice continuously differentiable."""
+    """Return 0 for s < 0 and s for s > 0, with the corner rounded.
+
+    The rounding within ±corner is two cubics; the result is twice continuously differentiable, or sharp if corner is 0.
+    """
     if not 0 <= corner < math.inf:
         raise TerrainError(f"corner is {corner} m; give 0 (sharp) or more")
     if corner == 0:
@@ -229,13 +324,13 @@ def _hinge(s: Array, corner: float) -> Array:
 
 
 def _smoothstep(t: Array) -> Array:
-    """0 below 0 to 1 above 1, twice continuously differentiable."""
+    """Return a C2 blend: 0 for t <= 0, 1 for t >= 1."""
     t = np.clip(t, 0, 1)
     return t**3 * (10 - 15 * t + 6 * t**2)
 
 
 def _along(size: float | tuple[float, float], spacing: float, direction: float) -> tuple[Array, Array, Array]:
-    """s (rows, cols) along the direction at the nodes, and the nodes (cols,) and (rows,)."""
+    """Return s (rows, cols) at the nodes, and the nodes (cols,) and (rows,), m."""
     finite(direction=direction)
     x, y = centred(size, spacing)
     return x * math.cos(direction) + y[:, None] * math.sin(direction), x, y
