@@ -1,4 +1,4 @@
-"""How the documentation is built: `make docs`. Nothing is fetched from outside."""
+"""Sphinx configuration for `make docs`; the build downloads nothing."""
 
 from __future__ import annotations
 

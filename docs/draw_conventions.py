@@ -1,4 +1,7 @@
-"""Draws docs/img/conventions.svg: frames and signs, from the package's own numbers.  python docs/draw_conventions.py"""
+"""Draw docs/img/conventions.svg: frames and signs, computed by the package.
+
+python docs/draw_conventions.py
+"""
 
 from __future__ import annotations
 
@@ -18,11 +21,17 @@ OUT = Path(__file__).parent / "img" / "conventions.svg"
 FAINT, FRAME, GROUND = "#c9c9c9", "#009E73", "#8a6d3b"
 ROVER = rb.load_rover("elhami-dashti")
 R = ROVER.wheel_radius[0]
-WINDOW = {"pitch": (-0.35, 0.45), "roll": (-0.35, 0.45), "yaw": (-0.35, 0.45), "wheels": (-0.45, 0.45)}  # up the page, m
-SIDE, TOP, REAR = (0, 2), (0, 1), (1, 2)  # which body axes run right and up on the page
+WINDOW = {
+    "pitch": (-0.35, 0.45),
+    "roll": (-0.35, 0.45),
+    "yaw": (-0.35, 0.45),
+    "wheels": (-0.45, 0.45),
+}  # vertical, m
+SIDE, TOP, REAR = (0, 2), (0, 1), (1, 2)  # body axes that point right and up on the page
 
 
 def arrow(ax: Axes, start: np.ndarray, end: np.ndarray, colour: str, text: str = "", gap: float = 1.18) -> None:
+    """Draw an arrow with a label beyond its tip."""
     start, end = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
     ax.annotate(
         "", end, start, arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 1.6, "shrinkA": 0, "shrinkB": 0}, zorder=6
@@ -32,7 +41,7 @@ def arrow(ax: Axes, start: np.ndarray, end: np.ndarray, colour: str, text: str =
 
 
 def turn(ax: Axes, centre: np.ndarray, radius: float, start: float, sweep: float, colour: str, text: str) -> None:
-    """A curved arrow from angle `start` through `sweep`, degrees on the page, anticlockwise positive."""
+    """Draw a curved arrow from angle `start` through `sweep`, deg, counter-clockwise positive."""
     first, last = sorted((start, start + sweep))
     ax.add_patch(Arc(tuple(centre), 2 * radius, 2 * radius, theta1=first, theta2=last, color=colour, lw=1.6, zorder=6))
     at = np.radians(start + sweep)
@@ -51,7 +60,7 @@ def turn(ax: Axes, centre: np.ndarray, radius: float, start: float, sweep: float
 
 
 def linkage(ax: Axes, rho: float, beta: float, colour: str) -> tuple[np.ndarray, np.ndarray]:
-    """The left rocker and bogie from the side; gives back the bogie pivot and the hubs (3, 2) on the page."""
+    """Draw the left rocker and bogie; return the bogie pivot and the hubs (3, 2) on the page."""
     hubs = rb.wheel_frames(ROVER, rho, [beta, 0.0])[::2, :3, 3][:, SIDE]
     pivot = ROVER.rocker_pivot[0]
     bogie = (pivot + rotation_y(rho) @ (ROVER.bogie_pivot[0] - pivot))[list(SIDE)]
@@ -65,7 +74,7 @@ def linkage(ax: Axes, rho: float, beta: float, colour: str) -> tuple[np.ndarray,
 
 
 def body(ax: Axes, axes: tuple[int, int], T: np.ndarray, colour: str) -> None:
-    """The body's box, turned by T, seen along the axis left out."""
+    """Draw the body's box, transformed by T (4, 4), in the plane of two axes."""
     low, high = ROVER.body_box
     c, r = (low + high) / 2, (high - low) / 2
     corners = np.zeros((4, 3))
@@ -75,7 +84,7 @@ def body(ax: Axes, axes: tuple[int, int], T: np.ndarray, colour: str) -> None:
 
 
 def frame_view(ax: Axes, axes: tuple[int, int], angles: tuple[float, float, float], names: tuple[str, str]) -> None:
-    """The body at rest, faint, and turned by (roll, pitch, yaw), with its axes."""
+    """Draw the body at (roll, pitch, yaw) with its axes, and its reference attitude in grey."""
     body(ax, axes, np.eye(4), FAINT)
     T = rb.body_transform(0, 0, 0, *angles)
     body(ax, axes, T, INK)
@@ -92,7 +101,7 @@ def rest(ax: Axes) -> str:
     ax.text(bogie[0] + 0.03, bogie[1] + 0.03, "$B_1$", color=INK)
     for i, hub in enumerate(hubs):
         ax.text(hub[0], hub[1] - R - 0.06, f"$A_{2 * i + 1}$  {ROVER.wheel_names[2 * i]}", ha="center", va="center", color=INK)
-    return "1  The left side at rest\nx forward, z up, y into the page: to the left of the rover"
+    return "1  The left side with joints at 0\nx forward, z up, y into the page: to the left of the rover"
 
 
 def joints(ax: Axes) -> str:
@@ -100,28 +109,28 @@ def joints(ax: Axes) -> str:
     bogie, _ = linkage(ax, np.radians(14), np.radians(16), LEFT)
     turn(ax, np.zeros(2), 0.19, 25, -50, RIGHT, r"$\rho$")
     turn(ax, bogie, 0.15, 50, -60, RIGHT, r"$\beta_1$")
-    return "2  Rocker and bogie: nose down is positive\nthe right rocker turns by $-\\rho$; $\\beta$: the bogie to its rocker"
+    return "2  Rocker and bogie: nose down is positive\nthe right rocker turns by $-\\rho$; $\\beta$: bogie relative to rocker"
 
 
 def contact(ax: Axes) -> str:
     slope = np.radians(25)
     normal, along = np.array([-np.sin(slope), np.cos(slope)]), np.array([np.cos(slope), np.sin(slope)])
     hub, size = np.array([0.05, -0.12]), 0.32
-    touch = hub - size * normal
-    ax.plot(*np.transpose([touch - 0.55 * along, touch + 0.5 * along]), color=GROUND, lw=2)
+    point = hub - size * normal
+    ax.plot(*np.transpose([point - 0.55 * along, point + 0.5 * along]), color=GROUND, lw=2)
     ax.add_patch(Circle(tuple(hub), size, fill=False, ec=INK, lw=2))
     arrow(ax, hub, hub + [0.21, 0], FRAME, "$x_A$", gap=1.2)
     arrow(ax, hub, hub + [0, 0.2], FRAME, "$z_A$", gap=1.2)
     ax.plot(*np.transpose([hub, hub - [0, size]]), color=INK, lw=1, ls=":")
-    ax.plot(*np.transpose([hub, touch]), color=INK, lw=1, ls=":")
+    ax.plot(*np.transpose([hub, point]), color=INK, lw=1, ls=":")
     turn(ax, hub, 0.22, -90, 25, RIGHT, "")
     ax.text(hub[0] - 0.02, hub[1] - 0.16, r"$\delta<0$", color=RIGHT, ha="right")
-    arrow(ax, touch, touch + 0.22 * along, LEFT, "")
-    arrow(ax, touch, touch + 0.16 * normal, LEFT, "")
-    ax.text(*(touch + 0.2 * along + [0.02, -0.06]), "$x_C$", color=LEFT)
-    ax.text(*(touch + 0.12 * normal + [0.03, 0.0]), "$z_C$", color=LEFT)
-    ax.add_patch(Circle(tuple(touch), 0.014, fc=LEFT, ec=LEFT, zorder=7))
-    return "3  Contact angle (eq. 5)\nuphill the contact runs ahead of the axle: $\\delta$ is negative"
+    arrow(ax, point, point + 0.22 * along, LEFT, "")
+    arrow(ax, point, point + 0.16 * normal, LEFT, "")
+    ax.text(*(point + 0.2 * along + [0.02, -0.06]), "$x_C$", color=LEFT)
+    ax.text(*(point + 0.12 * normal + [0.03, 0.0]), "$z_C$", color=LEFT)
+    ax.add_patch(Circle(tuple(point), 0.014, fc=LEFT, ec=LEFT, zorder=7))
+    return "3  Contact angle (eq. 5)\nuphill the contact is ahead of the axle: $\\delta$ is negative"
 
 
 def pitch(ax: Axes) -> str:
@@ -140,7 +149,7 @@ def roll(ax: Axes) -> str:
 def yaw(ax: Axes) -> str:
     frame_view(ax, TOP, (0, 0, np.radians(25)), ("$x$", "$y$"))
     turn(ax, np.zeros(2), 0.42, 1, 20, RIGHT, r"$\Phi_z$")
-    return "6  Yaw: to the left is positive\nseen from above; turned Rz(yaw) Ry(pitch) Rx(roll), eq. 10"
+    return "6  Yaw: to the left is positive\nseen from above; R = Rz(yaw) Ry(pitch) Rx(roll), eq. 10"
 
 
 def wheels(ax: Axes) -> str:
@@ -160,15 +169,15 @@ def wheels(ax: Axes) -> str:
 
 
 def slip(ax: Axes) -> str:
-    touch, hub = np.array([0.1, -0.45]), np.array([0.1, -0.17])
-    ax.plot([-0.42, 0.65], [touch[1]] * 2, color=GROUND, lw=2)
+    point, hub = np.array([0.1, -0.45]), np.array([0.1, -0.17])
+    ax.plot([-0.42, 0.65], [point[1]] * 2, color=GROUND, lw=2)
     ax.add_patch(Circle(tuple(hub), 0.28, fill=False, ec=INK, lw=2))
-    ax.add_patch(Circle(tuple(touch), 0.014, fc=LEFT, ec=LEFT, zorder=7))
-    arrow(ax, touch, touch + [0.36, 0], LEFT, "")
-    arrow(ax, touch, touch + [0, 0.2], LEFT, "")
-    ax.text(touch[0] + 0.32, touch[1] + 0.03, r"$x_C\quad r\dot\theta+\dot\xi$", color=LEFT)
-    ax.text(touch[0] + 0.03, touch[1] + 0.15, r"$z_C\quad\dot\zeta$", color=LEFT)
-    ax.text(touch[0] - 0.03, touch[1] + 0.05, r"$y_C\quad\dot\eta$", color=LEFT, ha="right")
+    ax.add_patch(Circle(tuple(point), 0.014, fc=LEFT, ec=LEFT, zorder=7))
+    arrow(ax, point, point + [0.36, 0], LEFT, "")
+    arrow(ax, point, point + [0, 0.2], LEFT, "")
+    ax.text(point[0] + 0.32, point[1] + 0.03, r"$x_C\quad r\dot\theta+\dot\xi$", color=LEFT)
+    ax.text(point[0] + 0.03, point[1] + 0.15, r"$z_C\quad\dot\zeta$", color=LEFT)
+    ax.text(point[0] - 0.03, point[1] + 0.05, r"$y_C\quad\dot\eta$", color=LEFT, ha="right")
     turn(ax, hub, 0.33, 125, -70, RIGHT, r"$\dot\theta$")
     return "8  Rolling and slip at the contact (eq. 6)\nrolling slip $\\xi$, side slip $\\eta$, turn slip $\\zeta$"
 
@@ -189,6 +198,7 @@ def grid(ax: Axes) -> str:
 
 
 def main() -> None:
+    """Write docs/img/conventions.svg."""
     mpl.rcParams |= {"svg.hashsalt": "rockerbogie", "font.size": 9.5, "mathtext.fontset": "dejavusans"}
     fig = Figure(figsize=(13, 11.6))
     views = (rest, joints, contact, pitch, roll, yaw, wheels, slip, grid)
@@ -197,8 +207,8 @@ def main() -> None:
         ax = fig.add_axes((0.015 + col / 3, 0.68 - row / 3, 0.31, 0.26))
         ax.set(xlim=(-0.5, 0.75), ylim=WINDOW.get(view.__name__, (-0.62, 0.25)), aspect="equal", anchor="NW")
         ax.set_axis_off()
-        head, note = view(ax).split("\n")
-        fig.text(0.015 + col / 3, 0.975 - row / 3, head, weight="bold", size=11)
+        title, note = view(ax).split("\n")
+        fig.text(0.015 + col / 3, 0.975 - row / 3, title, weight="bold", size=11)
         fig.text(0.015 + col / 3, 0.957 - row / 3, note, color="#555555")
     OUT.parent.mkdir(exist_ok=True)
     fig.savefig(OUT, metadata={"Date": None})

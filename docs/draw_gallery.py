@@ -1,4 +1,7 @@
-"""Draws docs/img/gallery_*.png, the poses of examples/gallery.py.  python docs/draw_gallery.py [FOLDER]"""
+"""Draw docs/img/gallery_*.png, the poses of examples/gallery.py.
+
+python docs/draw_gallery.py [FOLDER]
+"""
 
 from __future__ import annotations
 
@@ -19,35 +22,35 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "examples"))
 from gallery import poses
 
 OUT = Path(__file__).parent / "img"
-WIDTH, HEAD = 1040, 46  # px
+WIDTH, TITLE = 1040, 46  # width and height of the title, px
 
 
 class View(NamedTuple):
-    """From where: degrees left of the rover's heading, degrees above the ground, m of ground shown to every side."""
+    """Direction of view, and the part of the scene that is shown."""
 
-    azimuth: float
-    elevation: float
-    reach: float
-    wheel: int | None = None  # shown from near
+    azimuth: float  # left of the rover's heading, deg
+    elevation: float  # above the horizon, deg
+    reach: float  # terrain shown to each side, m
+    wheel: int | None = None  # wheel shown alone
 
 
 VIEWS = {
     "step": View(60, 14, 1.9),
     "astride": View(140, 16, 1.9),
-    "stop": View(50, 14, 0.5),
-    "hanging": View(40, 14, 2.0),
-    "belly": View(-60, 12, 1.9),
+    "limit": View(50, 14, 0.5),
+    "edge": View(40, 14, 2.0),
+    "body": View(-60, 12, 1.9),
     "bridge": View(84, 12, 0.7, 0),
 }
 
 
 def picture(title: str, pose: rb.Pose, view: View, file: Path) -> None:
-    """The rover on its piece of ground, its contacts in yellow and the lowest points of hanging wheels in white."""
+    """Write a picture of a pose; contacts are yellow, the lowest points of lifted wheels white."""
     rover, points = pose.rover, pose.contact_point
     middle = (points[:, :2].max(axis=0) + points[:, :2].min(axis=0)) / 2
     west, south, east, north = (float(v) for v in (*(middle - view.reach), *(middle + view.reach)))
     bounds = (west, south, east, north)
-    cells = round(2 * view.reach / min(pose.terrain.spacing))  # as fine as the ground: a step is as steep as one cell
+    cells = round(2 * view.reach / min(pose.terrain.spacing))  # as fine as the terrain: a step is as steep as one cell
     mesh = Mesh.join([ground_mesh(pose.terrain, bounds, cells=cells), stance_mesh(rover, pose.to_xarray())])
     shown = mesh
     if view.wheel is not None:
@@ -58,16 +61,16 @@ def picture(title: str, pose: rb.Pose, view: View, file: Path) -> None:
     camera = Camera.framing(shown.corners, azimuth, elevation, size, margin=(0.01, 0.01, 0.01, 0.01))
     behind = hidden_by(mesh, camera, points) > 1.2 * (rover.wheel_radius + rover.wheel_width)
     with look():
-        fig = figure(size[0] / DPI, (size[1] + HEAD) / DPI)
+        fig = figure(size[0] / DPI, (size[1] + TITLE) / DPI)
         fig.set_layout_engine("none")
-        ax = fig.add_axes((0, 0, 1, size[1] / (size[1] + HEAD)))
+        ax = fig.add_axes((0, 0, 1, size[1] / (size[1] + TITLE)))
         draw(ax, mesh, camera, float(pose.yaw), grid_step(bounds))
-        for i, place in enumerate(camera.project(points)[:, :2]):
-            if not behind[i] and (place >= 0).all() and (place < size).all():
+        for i, pixel in enumerate(camera.project(points)[:, :2]):
+            if not behind[i] and (pixel >= 0).all() and (pixel < size).all():
                 up = pose.wheel_lifted[i]
-                ax.plot(*place, "o", ms=6, mfc="white" if up else "#F0E442", mec="#b00000" if up else INK)
+                ax.plot(*pixel, "o", ms=6, mfc="white" if up else "#F0E442", mec="#b00000" if up else INK)
                 ax.annotate(
-                    rover.wheel_names[i], place, xytext=(0, -15), textcoords="offset points", ha="center",
+                    rover.wheel_names[i], pixel, xytext=(0, -15), textcoords="offset points", ha="center",
                     color=(LEFT, RIGHT)[i % 2], fontsize=9, fontweight="bold",
                     bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none"},
                 )  # fmt: skip

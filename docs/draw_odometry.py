@@ -1,4 +1,7 @@
-"""Draws docs/img/perseverance_sol1590.png and prints its numbers.  python docs/draw_odometry.py FOLDER_OF_THE_LOG"""
+"""Draw docs/img/perseverance_sol1590.png and print its numbers.
+
+python docs/draw_odometry.py FOLDER_OF_THE_LOG
+"""
 
 from __future__ import annotations
 
@@ -15,14 +18,17 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "examples"))
 from perseverance_sol1590 import read
 
 OUT = Path(__file__).parent / "img" / "perseverance_sol1590.png"
-#: Slip is taken over this much rim, m: about what lies between two updates of the visual odometry.
+#: Length of rim over which slip is computed, m: about the distance between two updates of the visual odometry.
 WINDOW = 1.0
-#: Which the log's soil says, fitted on the first half of the way by the example.
+#: Soil, fitted on the first half of the drive by the example.
 SOIL = rb.SlopeSlip(0.57, 0.47)
 
 
 def slip_of(log: xr.Dataset, rover: rb.Rover, place: np.ndarray) -> np.ndarray:
-    """Slip (n,) by `wheel_slip`: mean of the six wheels' slip vectors over their mean rim speed, a window at a time."""
+    """Return slip (n,) by `wheel_slip`, over the last WINDOW of rim.
+
+    It is the length of the mean slip vector of six wheels over their mean rim speed; NaN while turning on the spot.
+    """
     time, angle = log["time"].values, log["wheel_angle"].values
     rim = rover.wheel_radius[0] * np.concatenate([[0], np.cumsum(np.abs(np.diff(angle, axis=0)).mean(axis=1))])
     spot = np.abs(log["steering"].values[:, :2]).min(axis=1) > 0.8  # wheels set to turn on the spot
@@ -36,22 +42,23 @@ def slip_of(log: xr.Dataset, rover: rb.Rover, place: np.ndarray) -> np.ndarray:
         R = rb.body_transform(0, 0, 0, *attitude)[:3, :3]
         v = R.T @ (place[k] - place[a]) / dt
         turning = R.T @ [0, 0, float(log["yaw"][k] - log["yaw"][a]) / dt]
-        stance = rb.SimpleStance(float(log["rocker"][m]), np.zeros(2), np.zeros(6), log["steering"].values[m])
+        state = rb.SimpleStance(float(log["rocker"][m]), np.zeros(2), np.zeros(6), log["steering"].values[m])
         spin = (angle[k] - angle[a]) / dt
-        slip = rb.wheel_slip(rover, stance, [*v, *turning], spin, rocker_rate=0.0, bogie_rates=np.zeros(2))
+        slip = rb.wheel_slip(rover, state, [*v, *turning], spin, rocker_rate=0.0, bogie_rates=np.zeros(2))
         out[k] = np.hypot(slip.roll.mean(), slip.side.mean()) / np.abs(rover.wheel_radius * spin).mean()
     return out
 
 
 def agreement(slip: np.ndarray, log: xr.Dataset, lag: float) -> tuple[float, float, int]:
-    """Correlation, RMS and count against the log's slip of `lag` seconds before."""
-    theirs = np.interp(log["time"].values - lag, log["time"].values, log["slip"].values)
+    """Return correlation, RMS difference and count against the log's slip `lag` s before."""
+    logged = np.interp(log["time"].values - lag, log["time"].values, log["slip"].values)
     both = np.isfinite(slip)
-    rms = float(np.sqrt(np.mean((slip[both] - theirs[both]) ** 2)))
-    return float(np.corrcoef(slip[both], theirs[both])[0, 1]), rms, int(both.sum())
+    rms = float(np.sqrt(np.mean((slip[both] - logged[both]) ** 2)))
+    return float(np.corrcoef(slip[both], logged[both])[0, 1]), rms, int(both.sum())
 
 
 def main(folder: Path) -> None:
+    """Compute four tracks and two estimates of slip, print agreements, and draw them."""
     log, rover = read(folder / "sol01590_first60.csv"), rb.load_rover("perseverance")
     soil = rb.odometry(rover, log, soil=SOIL)
     tracks = {
@@ -59,13 +66,13 @@ def main(folder: Path) -> None:
         "flat 2-D, wheels' heading": (rb.flat_odometry(rover, log, heading=False), "#CC79A7", ":", 1.6),
         "flat 2-D, IMU's heading": (rb.flat_odometry(rover, log), "#E69F00", "--", 1.6),
         "3-D": (rb.odometry(rover, log), LEFT, "-", 1.6),
-        "3-D with the soil's slip": (soil, RIGHT, "-", 1.6),
+        "3-D with soil": (soil, RIGHT, "-", 1.6),
     }
-    seen, felt = (slip_of(log, rover, np.stack([way[k].values for k in "xyz"], axis=-1)) for way in (log, soil))
-    for label, slip in (("from the visual odometry's track", seen), ("from the soil and attitude alone", felt)):
+    measured, predicted = (slip_of(log, rover, np.stack([way[k].values for k in "xyz"], axis=-1)) for way in (log, soil))
+    for label, slip in (("from the visual odometry's track", measured), ("from soil and attitude", predicted)):
         for lag in (0.0, 30.0):
             r, rms, n = agreement(slip, log, lag)
-            print(f"slip {label:34s} against the log's of {lag:2.0f} s before: correlation {r:.2f}, RMS {rms:.3f}, n = {n}")
+            print(f"slip {label:34s} against the log's {lag:2.0f} s before: correlation {r:.2f}, RMS {rms:.3f}, n = {n}")
     with look():
         fig = figure(9.0, 9.5)
         plan, side, slips = fig.subplots(3, 1, height_ratios=(1.7, 0.9, 1.0))
@@ -78,9 +85,9 @@ def main(folder: Path) -> None:
         plan.legend(loc="upper right")
         side.set(xlabel="time (s)", ylabel="height (m)", title="Height")
         slips.plot(log["time"], log["slip"], color=INK, lw=3.5, alpha=0.35, label="logged")
-        slips.plot(log["time"], seen, color=LEFT, label=f"wheel_slip on the visual odometry's track, over {WINDOW:g} m")
-        slips.plot(log["time"], felt, color=RIGHT, label="the soil's, from attitude alone")
-        slips.set(xlabel="time (s)", ylabel="slip (1)", ylim=(0, 0.5), title="Slip, along and across together")
+        slips.plot(log["time"], measured, color=LEFT, label=f"wheel_slip on the visual odometry's track, over {WINDOW:g} m")
+        slips.plot(log["time"], predicted, color=RIGHT, label="from soil and attitude")
+        slips.set(xlabel="time (s)", ylabel="slip (1)", ylim=(0, 0.5), title="Slip, length of its vector")
         slips.legend(loc="upper right", ncols=2)
         fig.align_ylabels()
     fig.savefig(OUT)

@@ -1,4 +1,7 @@
-"""Picture of docs/maps.md: reachable cells, a keep-out area, and a route around it."""
+"""Draw docs/img/reach.png: reachable cells, a keep-out area, and a route around it.
+
+python docs/draw_plan.py
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Draws docs/img/validation_*.png, prints the numbers of docs/validation.md.  python docs/draw_validation.py FOLDER_OF_DATA"""
+"""Draw docs/img/validation_*.png and print the numbers of docs/validation.md.
+
+python docs/draw_validation.py FOLDER_OF_DATA
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ SEEDS = range(5)
 
 
 class Bands:
-    """Ends of 80 % bands for every place, factor and channel; the whole doubt's and each source's."""
+    """Ends of 80 % bands for each position, factor and channel, from one set of error sources."""
 
     def __init__(self, rover: rb.Rover, terrain: rb.Terrain, places: xr.Dataset, doubt: Doubt) -> None:
         x, y, yaw, steering = (places[name].values for name in ("x", "y", "yaw", "steering"))
@@ -36,17 +39,18 @@ class Bands:
         self.score = interval_score(self.ends[:, :, 0], self.ends[:, :, 1], self.logged[:, None], 0.8).sum(axis=-1)
 
     def inside(self, places: slice, factor: int) -> np.ndarray:
+        """Return True (n, 2) where the band of a factor contains logged pitch and roll."""
         low, high = self.ends[places, factor].swapaxes(0, 1)
         return (low <= self.logged[places]) & (self.logged[places] <= high)
 
     def trained(self, on: slice, judged: slice) -> tuple[float, np.ndarray]:
-        """The factor that fits some places, and how many values of others its band holds, a channel."""
+        """Return the factor fitted on some positions, and its coverage of others by channel."""
         best = int(np.argmin(self.score[on].sum(axis=0)))
         return float(FACTORS[best]), self.inside(judged, best).mean(axis=0)
 
 
 def nearest(rover: rb.Rover, terrain: rb.Terrain, places: xr.Dataset, row: int) -> str:
-    """How near to its logged attitude a rover would lie, with its logged heading, at the best place within 1, 2, 3 and 4 m."""
+    """Return the smallest difference from the logged attitude within 1, 2, 3 and 4 m, as text."""
     x, y, yaw, pitch, roll = (float(places[name][row]) for name in ("x", "y", "yaw", "pitch", "roll"))
     dx, dy = np.meshgrid(*2 * [np.arange(-4, 4.01, 0.1)])
     pose = rb.settle(rover, terrain, x + dx, y + dy, yaw)
@@ -55,38 +59,40 @@ def nearest(rover: rb.Rover, terrain: rb.Terrain, places: xr.Dataset, row: int) 
 
 
 def percent(shares: np.ndarray) -> str:
+    """Return shares as text in percent."""
     return " / ".join(f"{100 * share:.0f} %" for share in shares)
 
 
 def main(folder: Path) -> None:
+    """Validate both rovers on both interpolations, print the numbers and draw the pictures."""
     for name, (model, log) in CASES.items():
         rover = rb.load_rover(name)
-        for way in ("linear", "cubic"):
-            terrain = rb.Terrain.from_raster(folder / model, interpolation=way)
+        for interpolation in ("linear", "cubic"):
+            terrain = rb.Terrain.from_raster(folder / model, interpolation=interpolation)
             places = rb.read_places(folder / log, rover)
-            for seed in SEEDS if way == "linear" else range(1):
+            for seed in SEEDS if interpolation == "linear" else range(1):
                 found = rb.validate(rover, terrain, places, seed=seed)
-                told = {k: np.degrees(found[k].values).round(2) for k in ("rms", "bias", "median_absolute_error")}
-                print(f"{name} {way} seed {seed}: pitch, roll", {k: v.tolist() for k, v in told.items()} if seed == 0 else "")
+                errors = {k: np.degrees(found[k].values).round(2).tolist() for k in ("rms", "bias", "median_absolute_error")}
+                print(f"{name} {interpolation} seed {seed}: pitch, roll", errors if seed == 0 else "")
                 print(f"   held out {percent(found['coverage'].values)}, factor {found.attrs['factor']:.2f}", end="; ")
                 print(f"factor 1, not fitted: {percent(found['coverage_unfitted'].values)}")
-                if seed == 0 and way == "linear":
+                if seed == 0 and interpolation == "linear":
                     wider = rb.validate(rover, terrain, places, apart=10.0)
-                    print(f"   places within 10 m left out: {percent(wider['coverage'].values)}")
+                    print(f"   positions within 10 m left out: {percent(wider['coverage'].values)}")
                     rows = np.flatnonzero(~found["inside"].values.all(axis=1)) if name == "curiosity" else ()
                     for row in rows:
-                        print(f"   {found['place'].values[row]}: off at best {nearest(rover, terrain, places, row)}")
+                        print(f"   {found['place'].values[row]}: smallest difference {nearest(rover, terrain, places, row)}")
                     validation_figure(found).savefig(OUT / f"validation_{name}.png")
         terrain = rb.Terrain.from_raster(folder / model, interpolation="linear")
         roughness = missing_roughness(terrain, places["x"].values, places["y"].values)
         doubt = Doubt(1.0, 0.05, 3.0, roughness)
-        print(f"{name}: Hurst exponent as measured {roughness.measured:.2f}, taken as {roughness.hurst:.2f}")
+        print(f"{name}: Hurst exponent measured {roughness.measured:.2f}, used {roughness.hurst:.2f}")
         for source, alone in doubt.sources().items():
             bands = Bands(rover, terrain, places, alone)
             at_one = int(np.searchsorted(FACTORS, 1.0))
             width = np.degrees(np.median(np.diff(bands.ends[:, at_one], axis=1)[:, 0], axis=0))
             held = percent(bands.inside(slice(None), at_one).mean(axis=0))
-            print(f"   {source} alone: band {width[0]:.1f} / {width[1]:.1f} deg wide (median) holds {held}")
+            print(f"   {source} alone: median width {width[0]:.1f} / {width[1]:.1f} deg, contains {held}")
         bands = Bands(rover, terrain, places, doubt)
         half = len(bands.logged) // 2
         for label, on, judged in (

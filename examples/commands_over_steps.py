@@ -12,6 +12,7 @@ path = rb.Path.straight((-0.6, 0.0), 0.0, 4.6)
 
 
 def course(height: float) -> rb.Terrain:
+    """Return terrain with five steps of `height` m: left, right, both sides, left, right."""
     x, y = np.arange(-1.5, 5.5, SPACING), np.arange(-0.8, 0.8, SPACING)
     z = np.zeros((len(y), len(x)))
     for start, end, rows in ((0.3, 0.8, y > 0), (1.1, 1.6, y < 0), (1.9, 2.6, y < 9), (3.0, 3.4, y > 0), (3.2, 3.7, y < 0)):
@@ -28,15 +29,15 @@ def slipped(run) -> np.ndarray:
 runs = {}
 print("| steps | rates of `drive`, load sharing | without load sharing | six equal rates |\n|---|---|---|---|")
 for height in (0.03, 0.05, 0.08):
-    ground = course(height)
-    plan = rb.drive(rover, ground, path, SPEED)
+    terrain = course(height)
+    plan = rb.drive(rover, terrain, path, SPEED)
     equal = plan.copy(deep=True)
     equal["wheel_rate"][:] = SPEED / rover.wheel_radius
-    asked = rb.simulate(rover, ground, path, SPEED)  # each wheel at the rate of `drive` at the rover's position
-    alone = rb.simulate(rover, ground, path, SPEED, load_sharing=False)
-    same = rb.simulate(rover, ground, path, commands=equal)
-    runs[height] = asked, same
-    cells = [f"{slipped(run)[-1]:.2f} m, {float(run['x'][-1] + 0.6):.2f} m far" for run in (asked, alone, same)]
+    trimmed = rb.simulate(rover, terrain, path, SPEED)  # each wheel at the rate of `drive` at the rover's position
+    alone = rb.simulate(rover, terrain, path, SPEED, load_sharing=False)
+    same = rb.simulate(rover, terrain, path, commands=equal)
+    runs[height] = trimmed, same
+    cells = [f"{slipped(run)[-1]:.2f} m, {float(run['x'][-1] + 0.6):.2f} m far" for run in (trimmed, alone, same)]
     print(f"| {100 * height:g} cm | {' | '.join(cells)} |", flush=True)
 
 if len(sys.argv) > 1:  # a picture

@@ -1,4 +1,4 @@
-"""How far the paper's contact angles (eqs 14-16) are from the exact ones, and what that does to the pose: two tables."""
+"""Print the errors of the paper's contact angles (eqs 14-16), and their effect on the pose."""
 
 import numpy as np
 
@@ -20,13 +20,14 @@ grounds = {
 
 def paper_error(pose: rb.Pose) -> np.ndarray:
     """Return eqs 14-16 minus the exact angle (n, 6), deg, both at the exact pose and contact."""
-    place, heading = pose.contact_point, pose.yaw[..., None] + pose.steering
-    slope = pose.terrain.gradient(place[..., 0], place[..., 1])
+    point, heading = pose.contact_point, pose.yaw[..., None] + pose.steering
+    slope = pose.terrain.gradient(point[..., 0], point[..., 1])
     uphill = slope[..., 0] * np.cos(heading) + slope[..., 1] * np.sin(heading)
     return np.degrees(paper_contact_angles(rover, pose, uphill) - pose.contact_angle)
 
 
 def spread(values: np.ndarray) -> str:
+    """Return RMS and largest magnitude as two cells of a table."""
     return f"{np.sqrt((values**2).mean()):.3f} | {np.abs(values).max():.2f}"
 
 
@@ -42,7 +43,7 @@ print("\n| terrain | stations | number | z, mm | roll, deg | pitch, deg | rocker
 for name, (terrain, x, y, yaw) in grounds.items():
     exact, paper = rb.settle(rover, terrain, x, y, yaw), fsolve_settle(rover, terrain, x, y, yaw)
     off = np.abs(paper.q - exact.q) * ([1e3] + [np.degrees(1.0)] * 5)
-    sunk = paper.gap.min(axis=-1) < -1e-5  # the wheel penetrates the terrain elsewhere than at its one contact
+    sunk = paper.gap.min(axis=-1) < -1e-5  # a wheel penetrates the terrain beside its one contact
     for label, which in (("one contact", ~sunk), ("a wheel penetrates", sunk)):
         if which.any():
             worst = [*off[which, :4].max(axis=0), off[which, 4:].max()]

@@ -1,4 +1,4 @@
-"""Twenty metres of Mars in rigid-body dynamics, reckoned from joint sensors: 3-D odometry beside the usual flat one."""
+"""Compare 3-D and planar odometry over 20 m of Mars-like terrain in rigid-body dynamics."""
 
 import numpy as np
 
@@ -21,6 +21,6 @@ for seed in (1, 2, 3):
         print(f"mars({seed}) {label:22s} ends {error.round(3)} m off, {drift:5.2f} % of {length:.1f} m")
     twist = np.stack([run[k] for k in ("vx", "vy", "vz", "wx", "wy", "wz")], axis=-1)
     slip = rb.wheel_slip(rover, run, twist, run["wheel_rate"], rocker_rate=run["rocker_rate"], bogie_rates=run["bogie_rate"])
-    moving = np.abs(run["wheel_rate"].values) > 1e-3  # the ratio of a wheel that stands is not defined
+    moving = np.abs(run["wheel_rate"].values) > 1e-3  # the slip ratio of a stopped wheel is not defined
     off = (slip.ratio - run["slip_ratio"].values)[moving]
     print(f"mars({seed}) slip ratio by wheel_slip against MuJoCo's: RMS {np.sqrt(np.nanmean(off**2)):.4f}")

@@ -1,6 +1,9 @@
-"""Perseverance, sol 1590: odometry from encoders, steering, differential and attitude, against its own visual odometry.
+"""Compare odometry of Perseverance on sol 1590 with the rover's own visual odometry.
 
-Run with the folder that holds sol01590_first60.csv (NASA/JPL-Caltech's drive-primer, Apache-2.0); see docs/odometry.md.
+    python examples/perseverance_sol1590.py FOLDER
+
+Sensors are encoders, steering, differential and attitude. FOLDER holds sol01590_first60.csv (NASA/JPL-Caltech's
+drive-primer, Apache-2.0); see docs/odometry.md.
 """
 
 import csv
@@ -16,7 +19,10 @@ import rockerbogie as rb
 
 
 def read(file: Path) -> xr.Dataset:
-    """The drive's log in our axes. Theirs: site x north, y east, z down; body x forward, y right, z down."""
+    """Return the drive's log in the package's axes.
+
+    Axes of the file: site x north, y east, z down; body x forward, y right, z down.
+    """
     with open(file) as stream:
         rows = list(csv.DictReader(stream))
     column = lambda *names: np.array([[float(row[name]) for name in names] for row in rows])  # noqa: E731
@@ -31,30 +37,33 @@ def read(file: Path) -> xr.Dataset:
         "pitch": -np.arcsin(R[:, 2, 0]), "yaw": np.unwrap(np.arctan2(R[:, 1, 0], R[:, 0, 0])),
         "rocker": (left - right) / 2, "slip": column("SLIP")[:, 0],
     }  # fmt: skip
-    wheels = -column(*(f"{w}_DRIVE" for w in ("LF", "RF", "LM", "RM", "LR", "RR")))  # they count down going ahead
+    wheels = -column(*(f"{w}_DRIVE" for w in ("LF", "RF", "LM", "RM", "LR", "RR")))  # angles fall ahead
     log = xr.Dataset({name: ("time", values) for name, values in series.items()}, {"time": column("SCLK_REL")[:, 0]})
     return log.assign(wheel_angle=(("time", "wheel"), wheels), steering=(("time", "wheel"), steering))
 
 
-def apart(track: xr.Dataset, log: xr.Dataset) -> np.ndarray:
+def difference(track: xr.Dataset, log: xr.Dataset) -> np.ndarray:
+    """Return track minus log (n, 3), m."""
     return np.stack([track[k].values - log[k].values for k in "xyz"], axis=-1)
 
 
 if __name__ == "__main__":
     log, rover = read(Path(sys.argv[1]) / "sol01590_first60.csv"), rb.load_rover("perseverance")
     length = float(np.linalg.norm(np.diff(np.stack([log[k].values for k in "xyz"]), axis=1), axis=0).sum())
-    half = log.isel(time=slice(0, 1600))  # soil from the first half of the way, tried on the second
-    fit = least_squares(lambda k: apart(rb.odometry(rover, half, soil=rb.SlopeSlip(*k)), half)[-1], [0.5, 0.5], diff_step=0.05)
+    half = log.isel(time=slice(0, 1600))  # the soil is fitted on the first half and tested on the second
+    fit = least_squares(
+        lambda k: difference(rb.odometry(rover, half, soil=rb.SlopeSlip(*k)), half)[-1], [0.5, 0.5], diff_step=0.05
+    )
     soil = rb.SlopeSlip(*fit.x)
-    print(f"visual odometry's way {length:.1f} m; soil from its first half: {soil.along:.2f} along, {soil.across:.2f} across")
+    print(f"visual odometry {length:.1f} m; soil from the first half: {soil.along:.2f} along, {soil.across:.2f} across")
     for part, piece in (("whole", log), ("second half", log.isel(time=slice(1600, None)))):
         start = tuple(float(piece[k][0]) for k in "xyz")
         for label, track in (
             ("flat 2-D, wheels' heading", rb.flat_odometry(rover, piece, start=start, heading=False)),
             ("flat 2-D, IMU's heading", rb.flat_odometry(rover, piece, start=start)),
             ("3-D", rb.odometry(rover, piece, start=start)),
-            ("3-D with the soil's slip", rb.odometry(rover, piece, start=start, soil=soil)),
+            ("3-D with soil", rb.odometry(rover, piece, start=start, soil=soil)),
         ):
-            error = float(np.linalg.norm(apart(track, piece)[-1]))
+            error = float(np.linalg.norm(difference(track, piece)[-1]))
             per_metre = 100 * error / float(track.distance[-1])
-            print(f"{part:12s} {label:26s} final error {error:5.2f} m = {per_metre:4.1f} cm a metre driven")
+            print(f"{part:12s} {label:26s} final error {error:5.2f} m = {per_metre:4.1f} cm per metre driven")

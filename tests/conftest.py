@@ -1,4 +1,4 @@
-"""Fixtures for every test."""
+"""Fixtures for all tests."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ DATA = Path(os.environ.get("ROCKERBOGIE_DATA", Path(__file__).resolve().parents[
 
 @pytest.fixture(scope="session")
 def data() -> Callable[[str], Path]:
-    """`data("gale/missionDEM.tif")`: a file of the elevation models and logs, or the test is skipped."""
+    """Return `find`, which returns the path of a file of the shared data or skips the test."""
 
     def find(name: str) -> Path:
         path = DATA / name

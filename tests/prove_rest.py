@@ -1,6 +1,9 @@
-"""Equilibria of three rovers against MuJoCo: on solids, on fields, and with close joint limits.
+"""Comparison of equilibria of three rovers with MuJoCo.
 
-python tests/prove_rest.py [poses] [rover ...]
+    python tests/prove_rest.py [poses] [rover ...]
+
+Terrains are solid shapes, fields of rocks, and fields of rocks for a rover with close joint limits. Prints the shares of
+alike, marginal and other poses, RMS differences of the alike ones, and a line for each pose that differs.
 """
 
 from __future__ import annotations
@@ -13,6 +16,7 @@ from support.rest_cases import compare, field, load, solids, stiff
 
 
 def main(poses: int, rovers: list[str]) -> None:
+    """Compare poses of the named rovers (all if empty) on each terrain and print the results."""
     for name, size in (("elhami-dashti", 8.0), ("rocky7", 6.0), ("perseverance", 16.0)):
         if rovers and name not in rovers:
             continue
@@ -20,15 +24,16 @@ def main(poses: int, rovers: list[str]) -> None:
         for label, ground, car in (
             ("solids", solids(size, 1), rover),
             ("field", field(2 * size, 1), rover),
-            ("close stops", field(2 * size, 2), stiff(rover)),
+            ("close limits", field(2 * size, 2), stiff(rover)),
         ):
             a = compare(car, ground, poses, seed=5)
             rms = np.degrees(np.sqrt((a.angles**2).mean(axis=0)))
             left = poses - len(a.z) - a.marginal
             shares = (
-                f"alike {a.share:7.2%} of {poses}, else {a.marginal} marginal, {left} not; a rest of both {a.share_of_rests:7.2%}"
+                f"alike {a.share:7.2%} of {poses}, else {a.marginal} marginal, {left} not; "
+                f"equilibria of both {a.share_of_equilibria:7.2%}"
             )
-            kinds = f"{a.lifted} with a wheel off the ground, {a.stopped} on a stop"
+            kinds = f"{a.lifted} with a wheel off the ground, {a.stopped} with a joint at its limit"
             angles = "roll {:.4f} pitch {:.4f} rocker {:.4f} bogies {:.4f} {:.4f} deg".format(*rms)
             z = 1e3 * np.sqrt((a.z**2).mean())
             print(f"{name:14s} {label:12s} {shares} ({kinds})  RMS {angles}, z {z:.3f} mm", flush=True)

@@ -1,8 +1,8 @@
-"""Settled poses on rock fields and a Mars yard, against the oracle.
+"""Verification of settled poses on rock fields and a Mars yard by the oracle.
 
     python tests/prove_settle.py [--poses 10000] [--mode contact] [--rover perseverance] [--ground k=20%]
 
-Prints, for each rover on each ground, the share settled, what became of the rest, and the worst gap the oracle finds.
+Prints, for each rover on each terrain, the share settled, the counts of each status, and the worst gap by the oracle.
 """
 
 from __future__ import annotations
@@ -22,16 +22,19 @@ from support import oracle
 Array = NDArray[np.float64]
 
 ROVERS = ("elhami-dashti", "perseverance", "rocky7")
-#: No tread point further under the ground than this, and each touching wheel within it, m.
+#: Largest depth of a tread point below the terrain, and largest gap of a wheel in contact, m.
 TOLERANCE = 1e-6
 #: Statuses of contact mode for which the six gaps are 0.
 TOUCHING = (rb.Status.CONVERGED, rb.Status.JOINT_STOP)
-SLACK = 1e-8  # the oracle's bracket, m
-CHUNK = 500  # poses proved at once
+SLACK = 1e-8  # width of the oracle's bracket, m
+CHUNK = 500  # poses verified at once
 
 
 def grounds(seed: int = 0) -> dict[str, Callable[[], rb.Terrain]]:
-    """Rock fields of 5, 10 and 20 % cover on 2 cm cells, on rolling ground, and the Mars yard where its file is here."""
+    """Return terrains by name: rock fields, and the Mars yard if its file is present.
+
+    Rock fields have 5, 10 and 20 % cover on rolling terrain with 2 cm cells.
+    """
 
     def field(k: float) -> Callable[[], rb.Terrain]:
         def make() -> rb.Terrain:
@@ -49,7 +52,7 @@ def grounds(seed: int = 0) -> dict[str, Callable[[], rb.Terrain]]:
 
 
 def draw(terrain: rb.Terrain, rover: rb.Rover, count: int, seed: int) -> tuple[Array, ...]:
-    """x, y, yaw (count,) anywhere that keeps the rover on the map."""
+    """Return random x, y (m) and yaw (rad), each (count,), with the rover on the map."""
     rng = np.random.default_rng(seed)
     reach = np.hypot(*np.abs(rover.hubs[:, :2]).max(axis=0)) + 2 * rover.wheel_radius.max()
     west, south, east, north = terrain.bounds
@@ -62,21 +65,21 @@ def draw(terrain: rb.Terrain, rover: rb.Rover, count: int, seed: int) -> tuple[A
 
 @dataclass
 class Proof:
-    """Return a batch's counts by status, and the oracle's gaps (n, 6) of those that settled."""
+    """Counts of a batch by status, and the oracle's gaps of its poses in contact mode."""
 
     status: NDArray[np.int64]
-    gap: Array
-    worst: float  # m, furthest from touching, bracket included
+    gap: Array  # (n, 6) m, of poses whose status says that six wheels are in contact
+    worst: float  # largest distance of a gap from 0, bracket included, m
 
     @property
     def failed(self) -> int:
-        """Poses that say so and do not."""
+        """Number of poses with a wheel that is not in contact."""
         off = (self.gap > TOLERANCE) | (self.gap - SLACK < -TOLERANCE)
         return int(off.any(axis=1).sum())
 
 
 def prove(pose: rb.Pose) -> Proof:
-    """Every pose of a batch (n,) that says its six wheels touch, held against the definitions."""
+    """Compute the oracle's gaps of each pose of a batch (n,) that is reported as in contact."""
     ground = oracle.Ground.of(pose.terrain)
     good = np.flatnonzero(np.isin(pose.status, TOUCHING))
     gap = np.empty((len(good), 6))
@@ -91,39 +94,41 @@ def prove(pose: rb.Pose) -> Proof:
 
 @dataclass
 class RestProof:
-    """Return a batch's counts by status in equilibrium mode, and what is wrong with each pose."""
+    """Counts of a batch by status in equilibrium mode, and the faults of its poses."""
 
     status: NDArray[np.int64]
-    wrong: list[str]
-    deepest: float  # m, the lowest gap of a wheel or the belly, bracket included
+    wrong: list[str]  # one line for each fault
+    deepest: float  # lowest gap of a wheel or the body, bracket included, m
 
 
 def prove_rest(pose: rb.Pose, tries: int = 40, seed: int = 0) -> RestProof:
-    """Every pose of a batch (n,) let down in equilibrium mode, held against the definitions.
+    """Verify each pose of a batch (n,) of equilibrium mode against the definitions.
 
-    Nothing is in the ground; what is said to touch does; joints lie within their stops; the forces push, bear the weight and
-    pass through what touches; and no small change of the angles, within the stops and let down again, lies lower.
+    - No tread and no part of the body's box is below the terrain; reported contacts are contacts.
+    - Joints are within their limits.
+    - Contact forces are not negative, act at contacts only, and sum to the weight.
+    - No nearby pose (angles changed within the limits, z at first contact) has a lower centre of mass.
     """
     rover, ground = pose.rover, oracle.Ground.of(pose.terrain)
     at = np.flatnonzero(np.isfinite(pose.z))
     x, y, yaw, q, steering = (a[at] for a in (pose.x, pose.y, pose.yaw, pose.q, pose.steering))
-    wheel, belly, height = let_down(rover, ground, x, y, yaw, q, steering, np.ones(len(at), dtype=bool))
+    wheel, belly, height = gaps_and_height(rover, ground, x, y, yaw, q, steering, np.ones(len(at), dtype=bool))
     lowest = np.minimum(wheel.min(axis=1), belly)
     low, high = np.array([rover.rocker_limits, rover.bogie_limits, rover.bogie_limits]).T
     weight = rover.mass * 9.80665
     share, borne = pose.support[at] / weight, pose.belly_support[at] / weight
     lifted, on_belly = pose.wheel_lifted[at], pose.status[at] == rb.Status.BELLY_CONTACT
-    clear, close = 1.1 * TOLERANCE, 0.9 * TOLERANCE  # between the two either may be said
+    clear, close = 1.1 * TOLERANCE, 0.9 * TOLERANCE  # between the two, both reports are right
     checks = {
-        "in the ground": lowest - SLACK < -TOLERANCE,
-        "in the air": lowest > TOLERANCE,
-        "a wheel said to touch does not": (~lifted & (wheel > clear)).any(axis=1),
-        "a wheel said to hang touches": (lifted & (wheel < close)).any(axis=1),
-        "its belly does not rest as said": (on_belly & (belly > clear)) | (~on_belly & (belly < close)),
-        "beyond a stop": ((q[:, 3:] < low - 1e-9) | (q[:, 3:] > high + 1e-9)).any(axis=1),
-        "something pulls": (share < 0).any(axis=1) | (borne < 0),
-        "the weight is not borne": abs(share.sum(axis=1) + borne - 1) > 1e-6,
-        "borne by what does not touch": ((share > 0) & (wheel > clear)).any(axis=1) | ((borne > 0) & (belly > clear)),
+        "below the terrain": lowest - SLACK < -TOLERANCE,
+        "without any contact": lowest > TOLERANCE,
+        "a wheel reported in contact is not": (~lifted & (wheel > clear)).any(axis=1),
+        "a wheel reported as lifted is in contact": (lifted & (wheel < close)).any(axis=1),
+        "contact of the body is not as reported": (on_belly & (belly > clear)) | (~on_belly & (belly < close)),
+        "a joint is beyond its limit": ((q[:, 3:] < low - 1e-9) | (q[:, 3:] > high + 1e-9)).any(axis=1),
+        "a contact force is negative": (share < 0).any(axis=1) | (borne < 0),
+        "the forces do not sum to the weight": abs(share.sum(axis=1) + borne - 1) > 1e-6,
+        "a force acts without contact": ((share > 0) & (wheel > clear)).any(axis=1) | ((borne > 0) & (belly > clear)),
     }
     rng = np.random.default_rng(seed)
     size = rover.wheelbase
@@ -135,34 +140,48 @@ def prove_rest(pose: rb.Pose, tries: int = 40, seed: int = 0) -> RestProof:
         moved[..., 3:] = np.clip(moved[..., 3:], low, high)
         many = [np.repeat(a, tries, axis=0) for a in (x, y, yaw, steering)]
         near = np.repeat(belly < 0.1 * size, tries)
-        level = let_down(rover, ground, *many[:3], moved.reshape(-1, 6), many[3], near)[2].reshape(-1, tries)
-        checks[f"lies lower {step:g} rad away"] = level.min(axis=1, initial=np.inf) < height - 1e-5 * step * size - 2 * SLACK
+        level = gaps_and_height(rover, ground, *many[:3], moved.reshape(-1, 6), many[3], near)[2].reshape(-1, tries)
+        checks[f"lower centre of mass {step:g} rad away"] = (
+            level.min(axis=1, initial=np.inf) < height - 1e-5 * step * size - 2 * SLACK
+        )
     wrong = []
     for what, bad in checks.items():
         wrong += [f"pose {at[k]} ({rb.Status(pose.status[at[k]]).name}): {what}" for k in np.flatnonzero(bad)]
     return RestProof(np.bincount(pose.status, minlength=len(rb.Status)), wrong, float(lowest.min(initial=np.inf) - SLACK))
 
 
-def let_down(
+def gaps_and_height(
     rover: rb.Rover, ground: oracle.Ground, x: Array, y: Array, yaw: Array, q: Array, steering: Array, near: NDArray[np.bool_]
 ) -> tuple[Array, Array, Array]:
-    """Gaps (n, 6) and the belly's (n,) at poses q (n, 6), and how high (n,) the mass is once z is such that the rover just
-    touches. Where not `near` the belly is out of the question: inf."""
+    """Return gaps of wheels and body, and the height of the centre of mass at first contact.
+
+    Args:
+        rover, ground: the rover and the oracle's terrain.
+        x, y, yaw: (n,) m, m, rad.
+        q: (n, 6) z, roll, pitch, rocker, bogies.
+        steering: (n, 6) rad.
+        near: (n,) True where the body may be in contact; elsewhere its gap is not computed.
+
+    Returns:
+        Gaps of wheels (n, 6) and of the body (n,; inf where not `near`), and the height (n,) of the centre of mass after a shift
+        of z to first contact; all in m.
+    """
     wheel = oracle.least_gap(ground, oracle.stand(rover, x, y, yaw, q, steering), SLACK).gap.reshape(-1, 6)
     belly = np.full(len(q), np.inf)
     if near.any():
         faces = oracle.box(rover, x[near], y[near], yaw[near], q[near])
         belly[near] = oracle.least_gap(ground, faces, SLACK).gap.reshape(-1, 3).min(axis=1)
-    height = oracle.mass_height(rover, oracle.stance(rover, x, y, yaw, q, steering))
+    height = oracle.mass_height(rover, oracle.link_poses(rover, x, y, yaw, q, steering))
     return wheel, belly, height - np.minimum(wheel.min(axis=1), belly)
 
 
 def main() -> None:
+    """Settle and verify poses of the chosen rovers and terrains; print a line for each pair."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--poses", type=int, default=10_000)
     parser.add_argument("--mode", choices=("contact", "equilibrium"), default="contact")
     parser.add_argument("--rover", choices=ROVERS, action="append")
-    parser.add_argument("--ground", action="append", help="part of a ground's name")
+    parser.add_argument("--ground", action="append", help="part of a terrain's name")
     given = parser.parse_args()
     for name, make in grounds().items():
         if given.ground and not any(part in name for part in given.ground):
@@ -175,7 +194,7 @@ def main() -> None:
             pose = rb.settle(rover, terrain, *place, mode=given.mode)
             took = 1e6 * (time.perf_counter() - began) / given.poses
             counts = np.bincount(pose.status, minlength=len(rb.Status))
-            told = ", ".join(f"{n} {rb.Status(k).name}" for k, n in enumerate(counts) if n)
+            codes = ", ".join(f"{n} {rb.Status(k).name}" for k, n in enumerate(counts) if n)
             if given.mode == "contact":
                 proof = prove(pose)
                 settled, said = len(proof.gap), f"worst gap {proof.worst:.2e} m, {proof.failed} wrong"
@@ -184,11 +203,11 @@ def main() -> None:
                 settled, wrong = np.isfinite(pose.z).sum(), [line for part in parts for line in part.wrong]
                 said = f"deepest {min(part.deepest for part in parts):.2e} m, {len(wrong)} wrong {wrong[:3]}"
             share = 100 * settled / (counts.sum() - counts[rb.Status.NO_DATA])
-            print(f"{name:20} {which:14} {share:7.3f} % settled, {said}, {took:.1f} µs a pose: {told}", flush=True)
+            print(f"{name:20} {which:14} {share:7.3f} % settled, {said}, {took:.1f} µs per pose: {codes}", flush=True)
 
 
 def rest_of(pose: rb.Pose, part: slice) -> RestProof:
-    """The proof of some poses of a batch."""
+    """Verify some poses of a batch."""
     fields = {name: getattr(pose, name)[part] for name in ("x", "y", "yaw", "steering", "q", "status", "report")}
     return prove_rest(replace(pose, **fields), tries=12)
 

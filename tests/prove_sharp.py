@@ -1,22 +1,22 @@
-"""Certified poses on terrain as sharp as its grid allows.
+"""Certification of settled poses on terrain as sharp as its grid allows.
 
     python tests/prove_sharp.py [--poses 1000000] [--seed 0] [--mode contact] [--interpolation cubic] [--json out.json]
     python tests/prove_sharp.py --table docs/settling.md run1.json run2.json ...
 
-The first form prints, for each family of terrain (sharp_grounds.py) and interpolation, how many poses were given and how many
-of these are wrong, by fault:
+The first form prints, for each family of terrain (sharp_grounds.py) and interpolation, the number of poses with a result and
+the number of these with each fault:
 
-    deep       a tread point is deeper than 1e-6 m below the terrain
-    far        a wheel that touches is further than 1e-6 m from the terrain
+    deep       a tread point is more than 1e-6 m below the terrain
+    far        a wheel in contact has a gap above 1e-6 m
     gap        `pose.gap` is more than 1e-8 m outside its certified bracket
-    clearance  `pose.clearance` is
-    belly      equilibrium: the box is deeper than 1e-6 m below the terrain, or BELLY_CONTACT and further from it
-    lifted     equilibrium: a wheel that is marked as lifted touches
-    no data    NO_DATA although the pose of the filled map is good on the map with missing data
-    count      `pose.contact_count` differs from the contacts counted by dense sampling (a sample of poses)
+    clearance  `pose.clearance` is more than 1e-8 m outside its certified bracket
+    belly      equilibrium: the box is more than 1e-6 m below the terrain, or above it by more at BELLY_CONTACT
+    lifted     equilibrium: a wheel reported as lifted is in contact
+    no data    NO_DATA although the pose of the filled map is valid on the map with missing data
+    count      `pose.contact_count` differs from the count by dense sampling (checked for a part of the poses)
 
-Progress lines state the next seed: continue from it with --seed. The JSON file is written at each of them. The worst pose of each
-fault is printed as Python. The second form adds runs up and writes their table into a page, between the lines
+Progress lines state the next seed; --seed continues from it. The JSON file is written at each progress line. The worst pose
+of each fault is printed as Python. The second form adds runs and writes their table into a page, between the lines
 `<!-- sharp -->` and `<!-- end of sharp -->`.
 """
 
@@ -35,12 +35,12 @@ import rockerbogie as rb
 from support.certified import FAULTS, LENGTHS, judge
 from support.sharp_grounds import FAMILIES, draw_case
 
-HOLED = 4  # one terrain in so many has missing data
+GAPPY = 4  # 1 terrain of this number has missing data
 MARKS = ("<!-- sharp -->", "<!-- end of sharp -->")
 SNIPPET = """\
 import rockerbogie as rb
 from support.sharp_grounds import draw_case  # tests/
-case = draw_case({seed}, {family!r}, {interpolation!r}, {count}, holes={holes})
+case = draw_case({seed}, {family!r}, {interpolation!r}, {count}, missing={missing})
 k = {k}
 pose = rb.settle(case.rover, case.terrain, case.x[k], case.y[k], case.yaw[k], steering=case.steering[k], mode={mode!r})
 """
@@ -48,7 +48,7 @@ pose = rb.settle(case.rover, case.terrain, case.x[k], case.y[k], case.yaw[k], st
 
 @dataclass
 class Worst:
-    """The worst pose of a fault: how bad, and what reproduces it."""
+    """The worst pose of a fault: its error, and Python code that reproduces it."""
 
     value: float
     snippet: str
@@ -71,10 +71,10 @@ class Row:
 
 
 def prove_case(
-    row: Row, seed: int, family: str, interpolation: str, count: int, holes: bool, mode: str, counted: int, truth: str
+    row: Row, seed: int, family: str, interpolation: str, count: int, missing: bool, mode: str, counted: int, truth: str
 ) -> None:
-    """Settle one terrain's poses, certify them and add what is wrong to a row."""
-    case = draw_case(seed, family, interpolation, count, holes)  # type: ignore[arg-type]
+    """Settle the poses of one terrain, certify them, and add their faults to a row."""
+    case = draw_case(seed, family, interpolation, count, missing)  # type: ignore[arg-type]
     pose, verdict = judge(case, mode, counted, truth)
     row.poses += count
     row.given += int(verdict.given.sum())
@@ -89,17 +89,17 @@ def prove_case(
         k = int(bad.argmax())
         if bad[k] > 0 and (fault not in row.worst or bad[k] > row.worst[fault].value):
             snippet = SNIPPET.format(
-                seed=seed, family=family, interpolation=interpolation, count=count, holes=holes, k=k, mode=mode
+                seed=seed, family=family, interpolation=interpolation, count=count, missing=missing, k=k, mode=mode
             )
             if fault not in row.worst:
-                at = f"draw_case({seed}, {family!r}, {interpolation!r}, {count}, holes={holes}), k = {k}"
+                at = f"draw_case({seed}, {family!r}, {interpolation!r}, {count}, missing={missing}), k = {k}"
                 print(f"{fault} {bad[k]:.3g}, {mode}: {at}", file=sys.stderr, flush=True)
             row.worst[fault] = Worst(float(bad[k]), snippet, rb.Status(int(pose.status[k])).name, case.rover.name)
 
 
 def table(rows: dict[tuple[str, str], Row]) -> str:
     """Return the counts as text."""
-    lines = [f"{'ground':14}{'kind':8}{'poses':>9}{'given':>9}{'share':>8}{'open':>6}" + "".join(f"{f:>11}" for f in FAULTS)]
+    lines = [f"{'terrain':14}{'kind':8}{'poses':>9}{'given':>9}{'share':>8}{'open':>6}" + "".join(f"{f:>11}" for f in FAULTS)]
     for (family, kind), row in rows.items():
         share = f"{100 * row.given / max(row.poses, 1):.1f}%"
         wrong = "".join(f"{row.wrong[f]:11}" for f in FAULTS)
@@ -142,7 +142,7 @@ def summary(files: list[Path]) -> str:
 
 
 def write_table(page: Path, files: list[Path]) -> None:
-    """Write the summary of runs into a page, between its marks."""
+    """Write the summary of runs into a page, between its markers."""
     before, rest = page.read_text().split(MARKS[0], 1)
     _, after = rest.split(MARKS[1], 1)
     page.write_text(f"{before}{MARKS[0]}\n{summary(files)}\n{MARKS[1]}{after}")
@@ -153,16 +153,16 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--poses", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=0, help="first seed; each seed is one terrain of every family")
-    parser.add_argument("--seconds", type=float, default=float("inf"), help="stop after the seed at which this time is up")
-    parser.add_argument("--batch", type=int, default=250, help="poses a terrain")
-    parser.add_argument("--counted", type=int, default=1, help="poses a terrain whose contacts are counted by sampling")
+    parser.add_argument("--seconds", type=float, default=float("inf"), help="stop after the first seed that ends later than this")
+    parser.add_argument("--batch", type=int, default=250, help="poses per terrain")
+    parser.add_argument("--counted", type=int, default=1, help="poses per terrain whose contacts are counted by sampling")
     parser.add_argument("--mode", choices=("contact", "equilibrium"), default="contact")
     parser.add_argument("--interpolation", choices=("cubic", "linear"), action="append")
     parser.add_argument("--family", choices=FAMILIES, action="append")
     default = "verify" if hasattr(rb, "verify") else "oracle"
-    parser.add_argument("--truth", choices=("verify", "oracle"), default=default, help="what brackets gaps and clearance")
+    parser.add_argument("--truth", choices=("verify", "oracle"), default=default, help="method that brackets gaps and clearance")
     parser.add_argument("--json", type=Path)
-    parser.add_argument("--table", type=Path, nargs="+", help="a page, and the JSON files of runs to write into it")
+    parser.add_argument("--table", type=Path, nargs="+", help="a page, and JSON files of runs to write into it as a table")
     given = parser.parse_args()
     if given.table:
         write_table(given.table[0], given.table[1:])
@@ -172,7 +172,17 @@ def main() -> int:
     seed, began, reported = given.seed, time.perf_counter(), time.perf_counter()
     while sum(row.poses for row in rows.values()) < given.poses and time.perf_counter() - began < given.seconds:
         for (family, kind), row in rows.items():
-            prove_case(row, seed, family, kind, given.batch, seed % HOLED == HOLED - 1, given.mode, given.counted, given.truth)
+            prove_case(
+                row,
+                seed,
+                family,
+                kind,
+                given.batch,
+                seed % GAPPY == GAPPY - 1,
+                given.mode,
+                given.counted,
+                given.truth,
+            )
         seed += 1
         if time.perf_counter() - reported > 20:
             reported = time.perf_counter()

@@ -1,15 +1,15 @@
-"""Search for settled poses that are wrong, by evolution instead of chance.
+"""Evolutionary search for settled poses that are wrong.
 
     python tests/search_sharp.py [--seconds 300] [--seed 0] [--interpolation cubic] [--mode contact]
 
-A search starts from a drawn case (sharp_grounds.py) and keeps its worst pose. Each generation moves the rover or changes
-a few heights near its contacts, settles a batch of such places and keeps the worst of them. How bad a pose is:
+A search starts from a random case (sharp_grounds.py) and keeps its worst pose. Each generation moves the rover or changes
+a few heights near its contacts, settles a batch of such variants and keeps the worst pose. The score of a pose is
 
     its largest fault in metres (certified.py), if it has one;
-    else the discrepancy of `pose.gap` or `pose.clearance` from the middle of the brackets;
-    else how near a second place of a tread is to touching: a search that misses it would put the tread in the ground.
+    else the distance of `pose.gap` or `pose.clearance` from their brackets;
+    else the negative logarithm of the second lowest minimum of a tread: a missed contact would put the tread below the terrain.
 
-Prints the worst pose of each restart; a fault is saved as .npz with --save.
+Prints the faults of each restart and a summary; --save stores faults as .npz.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ from support.sharp_grounds import FAMILIES, Case, draw_case
 
 Array = NDArray[np.float64]
 
-BATCH = 24  # places a generation
+BATCH = 24  # variants per generation
 PATIENCE = 12  # generations without progress before a restart
-FAULT, DISCREPANCY = 1e6, 1e3  # added to a score, so that a fault outranks a discrepancy and that a second contact
+FAULT, DISCREPANCY = 1e6, 1e3  # added to a score: faults rank above discrepancies, and these above second contacts
 DISCREPANT = 2e-9  # m
 
 
 @dataclass
 class Found:
-    """The worst pose of a generation: its case, index, score, and fault in m by name."""
+    """The worst pose of a generation: its case, index, score and faults (m) by name."""
 
     case: Case
     k: int
@@ -48,7 +48,7 @@ class Found:
 
 
 def worst_of(case: Case, mode: str) -> Found | None:
-    """Settle a case's places and return the worst of the poses given, None if there are none."""
+    """Settle the positions of a case; return the worst pose, None if no pose has a result."""
     pose = case.settle(mode)
     given = np.isfinite(pose.z)
     if mode == "contact":
@@ -71,9 +71,10 @@ def worst_of(case: Case, mode: str) -> Found | None:
 
 
 def second_contact(pose: rb.Pose) -> Array:
-    """Return −log10 of the second lowest minimum (n,) of a tread.
+    """Return −log10 of the second lowest minimum (n,) of a tread, relative to the radius.
 
-    It is relative to the radius and at least 1 % of it away."""
+    The minimum is at least 1 % of the radius away from the lowest.
+    """
     found = sampled.tread_minima(pose, per_cell=2.0)
     radius = np.tile(pose.rover.wheel_radius, pose.status.size)[:, None]
     apart = abs(found.phi - found.phi[:, :1]) * radius + abs(found.s - found.s[:, :1])
@@ -83,9 +84,10 @@ def second_contact(pose: rb.Pose) -> Array:
 
 
 def vary(found: Found, rng: np.random.Generator) -> Case:
-    """Return a case of BATCH places near the worst one.
+    """Return a case of BATCH positions near the worst one.
 
-    The heights are the same, or changed near its contacts."""
+    The heights are the same, or changed near its contacts.
+    """
     case, k = found.case, found.k
     terrain = case.terrain
     cell = np.array(terrain.spacing)
@@ -100,7 +102,7 @@ def vary(found: Found, rng: np.random.Generator) -> Case:
 
 
 def changed(case: Case, k: int, rng: np.random.Generator) -> rb.Terrain:
-    """Return the terrain with one to three bumps near a wheel of place k."""
+    """Return the terrain with 1 to 3 bumps near a wheel of pose k."""
     terrain, rover = case.terrain, case.rover
     z = terrain.z.copy()
     (dx, dy), (x0, y0) = terrain.spacing, terrain.origin
@@ -133,7 +135,7 @@ def search(rng: np.random.Generator, interpolation: str, mode: str, deadline: fl
 
 
 def save(found: Found, path: Path, mode: str) -> None:
-    """Write a pose's terrain, rover name and place as .npz."""
+    """Write a pose's terrain, rover and position as .npz."""
     case, t = found.case, found.case.terrain
     place = {name: getattr(case, name)[found.k] for name in ("x", "y", "yaw", "steering")}
     rover = {
@@ -144,7 +146,7 @@ def save(found: Found, path: Path, mode: str) -> None:
 
 
 def main() -> int:
-    """Search until the time is up; exit status 1 if a fault is found."""
+    """Search for the given time; return 1 if a fault is found, else 0."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=300)
     parser.add_argument("--seed", type=int, default=0)

@@ -1,4 +1,4 @@
-"""Compilation in advance: it covers every kernel that is called from Python, and the command reports it."""
+"""Compilation in advance of every kernel that is called from Python, and its report."""
 
 from __future__ import annotations
 

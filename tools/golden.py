@@ -1,12 +1,12 @@
-"""Write and check golden outputs: numbers of the package that a reorganisation must not change by a single bit.
+"""Write and check golden outputs: results that a reorganisation must not change.
 
-    python tools/golden.py write            compute everything and write tests/golden/golden.npz
-    python tools/golden.py check            compute everything again and compare; exit 1 where anything differs
+    python tools/golden.py write            compute all outputs and write tests/golden/golden.npz
+    python tools/golden.py check            compute all outputs and compare them; exit 1 if any differs
     python tools/golden.py check --only contact/curiosity --only map
 
-Small arrays and texts are stored whole. Of the others the file holds every 8th row, and a SHA-256 hash (first 16 bytes) of
-each 32 rows. Every NaN counts as the same; 0 and -0 differ. With other library versions or on another
-processor, bits may differ: the check then compares what is stored to 1e-9 and leaves the hashes out.
+Small arrays and texts are stored whole. Of larger arrays, the file holds every 8th row and a SHA-256 hash (first 16 bytes) of
+each 32 rows. All NaN are equal; 0 and −0 differ. With other library versions or on another processor, bits may differ: the
+check then compares the stored values to 1e-9 and does not compare hashes.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ FILE = Path(__file__).resolve().parents[1] / "tests" / "golden" / "golden.npz"
 LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "xarray", "mujoco")
 TOLERANCE = 1e-9  # absolute, and relative above 1
 STRIDE, CHUNK, HASH_BYTES = 8, 32, 16
-#: Arrays up to this size are stored whole, and these of any size that a case has.
+#: Arrays up to this size are stored whole, and arrays with these names at any size.
 WHOLE_BYTES = 2048
 ALWAYS_WHOLE = ("/q", "/status", "/contact_count", "/clearance")
-#: Arrays of which only hashes are stored: `terrain.height` shows how much they differ.
+#: Arrays of which only hashes are stored; `terrain.height` shows the size of a difference.
 HASHED = ("/terrain.z",)
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
 
 def environment() -> dict[str, str]:
-    """Return what the bits of a result depend on: versions, processor and whether kernels are compiled."""
+    """Return the environment on which bits depend: versions, processor, compiled kernels or not."""
     import llvmlite.binding
     import numba
 
@@ -55,7 +55,7 @@ def environment() -> dict[str, str]:
 
 
 def canonical(value: Any) -> np.ndarray:
-    """Return an array as it is compared: contiguous, at least one axis, every NaN with the same bits."""
+    """Return an array in the compared form: contiguous, at least 1-D, one bit pattern for NaN."""
     array = np.ascontiguousarray(value).reshape(np.shape(value) or (1,))
     if array.dtype.kind == "f":
         array = np.where(np.isnan(array), array.dtype.type(np.nan), array)
@@ -69,14 +69,14 @@ def hashes(array: np.ndarray) -> np.ndarray:
 
 
 def stride_of(name: str, array: np.ndarray) -> int:
-    """Return which rows of an array are stored: 1 all, STRIDE every so many, 0 none."""
+    """Return the stride of the stored rows of an array: 1, STRIDE, or 0 if no row is stored."""
     if name.endswith(HASHED):
         return 0
     return 1 if array.nbytes <= WHOLE_BYTES or name.endswith(ALWAYS_WHOLE) else STRIDE
 
 
 def compute(names: Sequence[str]) -> Iterator[tuple[str, Any]]:
-    """Yield every output of the named groups: its full name, and an array as `canonical` makes it or a text."""
+    """Yield full name and value of each output of the named groups: a text or a canonical array."""
     found = golden_cases.groups()
     for group in names:
         for name, value in found[group]():
@@ -84,7 +84,7 @@ def compute(names: Sequence[str]) -> Iterator[tuple[str, Any]]:
 
 
 def write(file: Path, names: Sequence[str], progress: Callable[[str], None] = lambda name: None) -> int:
-    """Write the outputs of the named groups to a file; return how many there are."""
+    """Write the outputs of the named groups to a file; return their number."""
     index: dict[str, dict[str, Any]] = {}
     pools: dict[str, list[np.ndarray]] = {"hash": []}
     sizes: dict[str, int] = {}
@@ -136,7 +136,7 @@ class Golden:
         return [f"{key}: {then} in the file, {here} here" for key, then, here in pairs if then != here]
 
     def compare(self, name: str, value: Any, exact: bool) -> str:
-        """Compare an output with the file's; return how it differs, or nothing."""
+        """Compare an output with the file's; return a description of the difference, or ""."""
         if isinstance(value, str):
             return _compare_text(self.texts[name], value, exact) if name in self.texts else "was an array, is a text"
         if name not in self.index:
@@ -144,22 +144,22 @@ class Golden:
         known = self.index[name]
         if (value.dtype.name, list(value.shape)) != (known["dtype"], known["shape"]):
             return f"was {known['dtype']} {tuple(known['shape'])}, is {value.dtype.name} {value.shape}"
-        said = []
+        parts = []
         if known["stride"]:
             rows = value[:: known["stride"]]
             stored = self.pools[known["dtype"]][known["start"] : known["start"] + rows.size].reshape(rows.shape)
-            said.append(_compare_numbers(stored, rows, known["stride"], exact))
+            parts.append(_compare_numbers(stored, rows, known["stride"], exact))
         if exact and known["stride"] != 1:
             now = hashes(value)
             bad = np.flatnonzero((now != self.pools["hash"][known["hash"] : known["hash"] + len(now)]).any(axis=1))
             if bad.size:
                 first, last = bad[0] * CHUNK, min((bad[0] + 1) * CHUNK, len(value)) - 1
-                said.append(f"{bad.size} of {len(now)} hashes differ, first of rows {first} to {last}")
-        return "; ".join(part for part in said if part)
+                parts.append(f"{bad.size} of {len(now)} hashes differ, first of rows {first} to {last}")
+        return "; ".join(part for part in parts if part)
 
 
 def _compare_numbers(stored: np.ndarray, now: np.ndarray, stride: int, exact: bool) -> str:
-    """Return how many elements differ, by how much at most and where first, or nothing."""
+    """Return the number of differing elements, their largest difference and first index, or ""."""
     if exact or now.dtype.kind != "f":
         bits = np.dtype(f"u{now.dtype.itemsize}")
         differ = stored.view(bits) != now.view(bits)
@@ -180,7 +180,10 @@ def _compare_numbers(stored: np.ndarray, now: np.ndarray, stride: int, exact: bo
 
 
 def _compare_text(stored: str, now: str, exact: bool) -> str:
-    """Return the first line in which two texts differ, or nothing; if not exact, numbers in them may differ a little."""
+    """Return the first line in which two texts differ, or "".
+
+    If not `exact`, numbers may differ by TOLERANCE.
+    """
     before, after = stored.split("\n"), now.split("\n")
     for k, (a, b) in enumerate(zip(before, after, strict=False)):
         if a == b:
@@ -197,12 +200,12 @@ class Report(NamedTuple):
     """Result of a check."""
 
     compared: int
-    differing: dict[str, str]  # name -> how
+    differing: dict[str, str]  # name -> description of the difference
     extra: list[str]  # outputs that the file does not hold
 
 
 def check(golden: Golden, names: Sequence[str], exact: bool, progress: Callable[[str], None] = lambda name: None) -> Report:
-    """Compute the named groups and compare them with the file; what the file holds and is not computed differs too."""
+    """Compute the named groups and compare them with the file; outputs not computed differ too."""
     missing = dict.fromkeys(golden.names(names), "is in the file, but was not computed")
     differing: dict[str, str] = {}
     extra: list[str] = []
@@ -220,15 +223,15 @@ def check(golden: Golden, names: Sequence[str], exact: bool, progress: Callable[
 
 
 def main() -> int:
-    """Run the command line; return 0 if nothing differs, 1 if something does, 2 for bad input."""
+    """Run the command line; return 0 if all outputs are equal, 1 if any differs, 2 on bad input."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("action", choices=("write", "check"))
     parser.add_argument("--file", type=Path, default=FILE, help="default: tests/golden/golden.npz")
-    parser.add_argument("--only", action="append", default=[], metavar="PREFIX", help="groups that begin so; may be repeated")
+    parser.add_argument("--only", action="append", default=[], metavar="PREFIX", help="groups with this prefix; may be repeated")
     options = parser.parse_args()
     names = [name for name in golden_cases.groups() if not options.only or name.startswith(tuple(options.only))]
     if not names:
-        parser.error(f"no group begins with {options.only}")
+        parser.error(f"no name of a group starts with {options.only}")
     started = time.perf_counter()
     print(f"package: {Path(rb.__file__).parent}")
 
@@ -242,7 +245,7 @@ def main() -> int:
         print(f"\n{count} outputs of {len(names)} groups, {size:.2f} MB, {time.perf_counter() - started:.0f} s: {options.file}")
         return 0
     if not options.file.exists():
-        parser.error(f"{options.file} does not exist: write it first, with the package as it was before")
+        parser.error(f"{options.file} does not exist: write it first, with the package before the change")
     golden = Golden(options.file)
     absent = [name for name in golden.groups if name not in golden_cases.groups() and name.startswith(tuple(options.only) or "")]
     changed = golden.changed_environment()
@@ -252,7 +255,7 @@ def main() -> int:
     report = check(golden, [name for name in names if name in golden.groups], not changed, progress)
     print()
     for name in absent:
-        print(f"{name}: this group of the file has no case any more")
+        print(f"{name}: this group of the file has no case now")
     for name, how in report.differing.items():
         print(f"{name}: {how}")
     fresh = [name for name in names if name not in golden.groups] + report.extra

@@ -1,7 +1,7 @@
-"""Cases of the golden outputs: rovers, terrains, poses and what is computed from them, by public names alone.
+"""Cases of the golden outputs: rovers, terrains and results, by public names only.
 
-Each group is a function that yields pairs (name, array or text). Inputs depend on the group's name alone, so one group
-can be computed without the others. Lengths are in wheel radii, so that every rover meets terrain of its own size.
+Each group is a function that yields pairs (name, array or text). Inputs depend on the group's name only, so that one group
+can be computed without the others. Lengths scale with the wheel radius, so that each rover has terrain of its own size.
 """
 
 from __future__ import annotations
@@ -53,7 +53,10 @@ EQUILIBRIUM_POSES, EQUILIBRIUM_POSES_HARD = 1, 3
 
 
 def generator(name: str) -> np.random.Generator:
-    """Return a random generator seeded by a name; only its `random` is used, which is the same in every numpy."""
+    """Return a random generator seeded by a name.
+
+    Only its method `random` is used, because it gives the same numbers in every NumPy version.
+    """
     return np.random.default_rng(zlib.crc32(name.encode()))
 
 
@@ -64,7 +67,7 @@ def uniform(rng: np.random.Generator, low: float, high: float, *shape: int) -> n
 
 @functools.cache
 def rover_of(name: str) -> rb.Rover:
-    """Return a preset, or the rover "custom": unequal wheels and a differential that is not linear."""
+    """Return a preset, or the rover "custom" with unequal wheels and a nonlinear differential."""
     if name != "custom":
         return rb.load_rover(name)
     return rb.Rover.from_pivots(
@@ -122,12 +125,15 @@ def terrain_of(rover: str, surface: str, interpolation: Any) -> rb.Terrain:
     return random_terrain(f"{rover}/{surface}/{interpolation}", unit, cell, surface == "holes", interpolation)
 
 
-def random_terrain(name: str, unit: float, cell: float, holes: bool, interpolation: Any) -> rb.Terrain:
-    """Return random terrain: rough white noise, or smoother with missing data on unequal, far-off axes at a low datum."""
+def random_terrain(name: str, unit: float, cell: float, missing: bool, interpolation: Any) -> rb.Terrain:
+    """Return white noise, or smoother terrain with missing data and a far origin if `missing`.
+
+    The latter has unequal spacing along x and y, and heights near −4450 m.
+    """
     rng = generator(name)
     count = int(SIDE * unit / cell)
     z = uniform(rng, -0.4, 0.4, count, count) * unit
-    if not holes:
+    if not missing:
         return rb.Terrain.from_array(z, cell, (-SIDE * unit / 2, -SIDE * unit / 2), interpolation)
     z = (z + np.roll(z, 1, 0) + np.roll(z, 1, 1) + np.roll(z, (1, 1), (0, 1))) / 3
     z[rng.random(z.shape) < 0.2 * (cell / (SIDE * unit)) ** 2 * 100] = np.nan  # some 20 nodes
@@ -145,8 +151,8 @@ def boulders(name: str, unit: float, cell: float, interpolation: Any) -> rb.Terr
     return rb.Terrain.from_array(z, cell, (axis[0], axis[0]), interpolation)
 
 
-def places(name: str, terrain: rb.Terrain, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return random x, y (m) and yaw (rad), each (count,): most of them on the map, some across its edge."""
+def positions(name: str, terrain: rb.Terrain, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return random x, y (m) and yaw (rad), each (count,); some are across the map's edge."""
     rng = generator(name)
     xmin, ymin, xmax, ymax = terrain.bounds
     x, y = (0.5 * (a + b) + 0.5 * (b - a) * uniform(rng, -0.88, 0.88, count) for a, b in ((xmin, xmax), (ymin, ymax)))
@@ -154,23 +160,23 @@ def places(name: str, terrain: rb.Terrain, count: int) -> tuple[np.ndarray, np.n
 
 
 def steering_of(name: str, rover: rb.Rover, count: int) -> np.ndarray:
-    """Return steering (count, 6), rad: straight ahead in the first half of the poses, random in the second."""
+    """Return steering (count, 6), rad: 0 in the first half of the poses, random in the second."""
     angle = uniform(generator(name + "/steering"), -0.6, 0.6, count, 6) * rover.steers
     angle[: count // 2] = 0.0
     return angle
 
 
 def pose_items(pose: rb.Pose) -> Iterator[Item]:
-    """Yield everything that a settled pose holds in either mode."""
+    """Yield the results of a settled pose that both modes have."""
     yield "q", np.stack([pose.z, pose.roll, pose.pitch, pose.rocker, pose.bogie[..., 0], pose.bogie[..., 1]], axis=-1)
     for name in ("status", "contact_count", "clearance", "gap", "contact_angle", "contact_point", "contact_normal", "joint_stop"):
         yield name, getattr(pose, name)
 
 
 def contact(name: str, rover: str, surface: str, interpolation: str) -> Iterator[Item]:
-    """Yield the terrain's heights and normals at the places, and the poses settled there in contact mode."""
+    """Yield heights and normals of the terrain, and poses settled in contact mode."""
     terrain, machine = terrain_of(rover, surface, interpolation), rover_of(rover)
-    x, y, yaw = places(name, terrain, CONTACT_POSES)
+    x, y, yaw = positions(name, terrain, CONTACT_POSES)
     yield "terrain.z", terrain.z
     yield "terrain.height", terrain.height(x, y)
     yield "terrain.normal", terrain.normal(x, y)
@@ -181,7 +187,7 @@ def equilibrium(name: str, rover: str, surface: str, interpolation: str) -> Iter
     """Yield poses settled in equilibrium mode, with the support of the wheels and of the body."""
     terrain = terrain_of(rover, surface, interpolation)
     count = EQUILIBRIUM_POSES_HARD if surface in HARD else EQUILIBRIUM_POSES
-    pose = rb.settle(rover_of(rover), terrain, *places(name, terrain, count), mode="equilibrium")
+    pose = rb.settle(rover_of(rover), terrain, *positions(name, terrain, count), mode="equilibrium")
     yield from pose_items(pose)
     for channel in ("support", "belly_support", "wheel_lifted"):
         yield channel, getattr(pose, channel)
@@ -190,7 +196,7 @@ def equilibrium(name: str, rover: str, surface: str, interpolation: str) -> Iter
 def motion(name: str, rover: str) -> Iterator[Item]:
     """Yield frames, Jacobians, twists, commands and slip of poses on smooth terrain."""
     machine, terrain, rng = rover_of(rover), terrain_of(rover, "rough", "cubic"), generator(name)
-    x, y, yaw = places(name, terrain, MOTION_POSES)
+    x, y, yaw = positions(name, terrain, MOTION_POSES)
     turn = steering_of(name, machine, MOTION_POSES)
     settled = np.isfinite(rb.settle(machine, terrain, x, y, yaw, steering=turn).z)  # `wheel_commands` refuses NaN
     turn = turn[settled]
@@ -227,7 +233,7 @@ def dataset_items(label: str, data: Any) -> Iterator[Item]:
 
 
 def drive(name: str, rover: str) -> Iterator[Item]:
-    """Yield a run along rounded waypoints, and odometry over a log made of it with random errors."""
+    """Yield a run along rounded waypoints, and odometry of its log with random errors."""
     machine, terrain = rover_of(rover), terrain_of(rover, "sine", "cubic")
     unit = float(machine.wheel_radius[0])
     path = rb.Path.waypoints(np.array([(-16, -12), (-4, 6), (10, 8), (18, -6)]) * unit, radius=6 * unit)
@@ -245,13 +251,13 @@ def drive(name: str, rover: str) -> Iterator[Item]:
 
 
 def paper_run(name: str) -> Iterator[Item]:
-    """Yield the paper's run: its rover along its tracks, at the default sizes."""
+    """Yield the run of the paper's rover over the paper's terrain, at the default sizes."""
     path = rb.Path.straight((0.0, 0.0), 0.0, 4.0)
     yield from dataset_items("run", rb.drive(rb.load_rover("elhami-dashti"), rb.surfaces.paper(), path, step=0.02))
 
 
 def traversability(name: str) -> Iterator[Item]:
-    """Yield a traversability map, all its layers, and a plan across it."""
+    """Yield all layers of a traversability map, and a route across it."""
     rover = rb.load_rover("curiosity")
     terrain = rb.surfaces.rocks(0.02, 3, smallest=0.3, base=rb.surfaces.fractal(5, rms_slope=0.09, size=24.0, spacing=0.1))
     maps = rb.traversability(rover, terrain, headings=8, resolution=0.75)
@@ -285,7 +291,7 @@ ADDED_KEYS = ("joint_stop", "support", "belly_support", "wheel_lifted", "support
 
 
 def command_line(name: str) -> Iterator[Item]:
-    """Yield the record that `rockerbogie settle --json` prints, without the sentence on the meaning of the status."""
+    """Yield the record that `rockerbogie settle --json` prints, without the status's meaning."""
     from rockerbogie.cli import main
 
     place = ["--terrain", "surface:rocks", "--rover", "sawppy", "--at=0.5,-0.75", "--yaw=30", "--json"]

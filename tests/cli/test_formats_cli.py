@@ -41,7 +41,7 @@ def test_lists_the_presets(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_shows_the_papers_table(capsys: pytest.CaptureFixture[str]) -> None:
-    """Table I as the paper prints it, mended: θ, d, a, α of every frame."""
+    """The reference is the paper's Table I, corrected: θ, d, a, α of every frame."""
     assert main(["rovers", "elhami-dashti"]) == 0
     rows = {line.split()[0]: line.split()[1:] for line in capsys.readouterr().out.splitlines() if line.strip()}
     assert rows["B1"] == ["D", "30.7", "+", "ρ", "0.27", "0.2846", "0"]

@@ -21,7 +21,7 @@ pytest.importorskip("zarr", reason="needs the scale extra")
 
 @pytest.fixture(scope="module")
 def dem(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Hills of 15 m by 4 m in cells of 0.1 m, with missing data and a bump too steep to climb; UTM."""
+    """Return a raster of hills, 15 m by 4 m, with missing data and a bump too steep to climb."""
     path = tmp_path_factory.mktemp("ground") / "hills.tif"
     x, y = np.meshgrid(np.arange(150) * 0.1, np.arange(40) * 0.1)
     z = 0.25 * np.sin(x / 1.5) * np.cos(y / 2) + 0.5 * np.exp(-((x - 7) ** 2 + (y - 2.5) ** 2) / 0.15)

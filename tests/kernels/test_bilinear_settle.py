@@ -1,4 +1,4 @@
-"""Lanes on linear ground: their search never says more than is so, and what they settle is what one pose alone comes to."""
+"""SIMD engine on bilinear terrain: minima, poses, and independence of the batch."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ROVERS = {
 
 
 def ground(kind: str, radius: float) -> rb.Terrain:
-    """Linear ground whose cells are so many times a wheel's radius, dx by dy, and as rough as that."""
+    """Return bilinear terrain; cell sizes and roughness are multiples of a wheel radius, m."""
     rng = np.random.default_rng(7)
     dx, dy, rough_by = {
         "noise": (0.8, 0.8, 0.15),
@@ -40,14 +40,15 @@ def ground(kind: str, radius: float) -> rb.Terrain:
         "plane": (1.0, 1.0, 0.0),
     }[kind]
     z = rng.normal(size=(160, 160)) * rough_by * radius
-    if kind == "blocks":  # a third of it raised by up to a wheel's radius, with upright sides a cell wide
+    if kind == "blocks":  # a third is raised by up to a wheel radius, with walls one cell wide
         z += np.kron(rng.uniform(0, 1.0, (40, 40)) * (rng.uniform(size=(40, 40)) < 0.33), np.ones((4, 4))) * radius
     if kind == "plane":
         z += radius * (0.1 * np.arange(160) - 0.05 * np.arange(160)[:, None])
     return rb.Terrain.from_array(z, (dx * radius, dy * radius), interpolation="linear")
 
 
-def spots(terrain: rb.Terrain, rover: rb.Rover, count: int, seed: int = 3) -> tuple[np.ndarray, ...]:
+def positions(terrain: rb.Terrain, rover: rb.Rover, count: int, seed: int = 3) -> tuple[np.ndarray, ...]:
+    """Return random x, y (m) and yaw (rad), each (count,), with the rover on the map."""
     rng = np.random.default_rng(seed)
     x0, y0, x1, y1 = terrain.bounds
     far = float(np.hypot(*np.abs(rover.hubs[:, :2]).max(axis=0)) + 2 * (rover.wheel_radius + rover.wheel_width).max())
@@ -58,14 +59,14 @@ def spots(terrain: rb.Terrain, rover: rb.Rover, count: int, seed: int = 3) -> tu
 
 @pytest.mark.parametrize("kind", ["noise", "fine", "coarse", "stretched", "blocks"])
 @pytest.mark.parametrize("name", ROVERS)
-def test_search_finds_the_least_gap_or_says_that_it_cannot_tell(name: str, kind: str) -> None:
-    """Against the search of one wheel, itself held against the oracle, for wheels in any attitude up to some 25 deg."""
+def test_search_finds_the_minimum_or_rejects_the_lane(name: str, kind: str) -> None:
+    """The scalar search is the reference; it is compared with the oracle elsewhere."""
     rover = ROVERS[name]
     terrain = ground(kind, float(rover.wheel_radius.min()))
     packed, car = terrain.packed, rover.packed
     if bilinear_settle.too_fine(packed.meta, car):
-        pytest.skip("lanes stand aside")
-    x, y, yaw = spots(terrain, rover, 48)
+        pytest.skip("the SIMD engine is not used on cells this fine")
+    x, y, yaw = positions(terrain, rover, 48)
     rng = np.random.default_rng(1)
     q = rng.normal(size=(48, 6)) * 0.15
     q[:, 0] = np.nan_to_num(terrain.height(x, y)) - packed.meta[META_Z] + rover.wheel_radius.max()
@@ -107,10 +108,10 @@ def test_search_finds_the_least_gap_or_says_that_it_cannot_tell(name: str, kind:
 
 @pytest.mark.parametrize("kind", ["noise", "coarse", "stretched", "blocks", "plane"])
 @pytest.mark.parametrize("name", ROVERS)
-def test_lanes_settle_by_the_oracle_and_as_one_pose_alone(name: str, kind: str) -> None:
+def test_poses_have_zero_gaps_by_the_oracle_and_equal_the_scalar_engine_s(name: str, kind: str) -> None:
     rover = ROVERS[name]
     terrain = ground(kind, float(rover.wheel_radius.min()))
-    x, y, yaw = spots(terrain, rover, 64)
+    x, y, yaw = positions(terrain, rover, 64)
     given = terrain.packed, rover.packed, x, y, yaw, np.zeros((1, 6))
     q, status = np.full((64, 6), np.nan), np.zeros(64, np.uint8)
     batch.settle_linear(*given, q, status, np.arange(64), 0, 64)
@@ -121,7 +122,7 @@ def test_lanes_settle_by_the_oracle_and_as_one_pose_alone(name: str, kind: str) 
     batch.settle_left(*given, alone, codes, np.arange(64), 0, 64)
     if not done.any():
         return
-    # six wheels down may have several solutions; nearly always both come to the same one
+    # six equations may have several solutions; nearly always both engines find the same one
     same = np.abs(q[done] - alone[done]).max(axis=1) < 1e-8
     assert same.mean() > 0.9
     assert np.array_equal(status[done][same], codes[done][same])
@@ -131,22 +132,22 @@ def test_lanes_settle_by_the_oracle_and_as_one_pose_alone(name: str, kind: str) 
 
 @pytest.mark.parametrize("name", ROVERS)
 @pytest.mark.parametrize("cell", [1.0, 4.0, 12.0])
-def test_nearly_level_wheels_along_the_grid(name: str, cell: float) -> None:
-    """Half a rim over one cell, its ends at the height of the axle: what bounds it there is nearly nothing over nothing."""
+def test_wheels_along_the_grid_on_nearly_level_terrain_converge(name: str, cell: float) -> None:
+    """Half a rim lies over one cell, its ends as high as the axle: its bound is close to 0 / 0."""
     rover = ROVERS[name]
     r = float(rover.wheel_radius.min())
     for roughness in (1e-3, 1e-2, 0.1):
         z = np.random.default_rng(2).normal(size=(150, 150)) * roughness * r
         terrain = rb.Terrain.from_array(z, cell * r, interpolation="linear")
-        x, y, _ = spots(terrain, rover, 300)
+        x, y, _ = positions(terrain, rover, 300)
         pose = rb.settle(rover, terrain, x, y, np.random.default_rng(4).integers(-4, 5, 300) * np.pi / 2)
         assert (pose.status == rb.Status.CONVERGED).all()
         assert np.abs(pose.gap).max() < 1e-9
 
 
 @pytest.mark.parametrize("name", ROVERS)
-def test_a_hole_under_a_wheel_is_never_settled_over(name: str) -> None:
-    """What lanes settle has six gaps by the search of one wheel, which says where it meets a hole."""
+def test_no_tread_lies_over_missing_data(name: str) -> None:
+    """The scalar search gives a finite gap for each wheel of each pose."""
     rover = ROVERS[name]
     r = float(rover.wheel_radius.min())
     for cell in (0.5, 1.0):
@@ -154,7 +155,7 @@ def test_a_hole_under_a_wheel_is_never_settled_over(name: str) -> None:
         z = rng.normal(size=(200, 200)) * 0.1 * r
         z[rng.uniform(size=z.shape) < 0.01] = np.nan
         terrain = rb.Terrain.from_array(z, cell * r, interpolation="linear")
-        x, y, yaw = spots(terrain, rover, 3000)
+        x, y, yaw = positions(terrain, rover, 3000)
         pose = rb.settle(rover, terrain, x, y, yaw)
         known = pose.status != rb.Status.NO_DATA
         assert 0.02 < known.mean() < 0.98
@@ -162,14 +163,14 @@ def test_a_hole_under_a_wheel_is_never_settled_over(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ROVERS)
-def test_a_pose_on_rough_ground_does_not_know_its_neighbours(name: str) -> None:
-    """Alone, in any order, in any company, on a map with holes: the same bits."""
+def test_a_pose_on_rough_terrain_is_independent_of_the_batch(name: str) -> None:
+    """On a map with missing data, results are bit-identical alone and in any order."""
     rover = ROVERS[name]
     whole = ground("blocks", float(rover.wheel_radius.min()))
     z = whole.z.copy()
     z[np.random.default_rng(5).uniform(size=z.shape) < 0.001] = np.nan
     terrain = rb.Terrain.from_array(z, whole.spacing, interpolation="linear")
-    x, y, yaw = spots(terrain, rover, 150)
+    x, y, yaw = positions(terrain, rover, 150)
     x[::11] -= terrain.bounds[2] / 2  # some off the map
     steering = np.where(rover.steers, np.random.default_rng(6).uniform(-0.5, 0.5, (150, 6)), 0.0)
     together = rb.settle(rover, terrain, x, y, yaw, steering=steering)

@@ -1,4 +1,4 @@
-"""Body box over terrain, against brute force over its three lower faces."""
+"""Clearance of the body box, compared with brute force over its three lower faces."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SLACK = 1e-8  # the oracle's bracket, m
 
 
 def bumps(interpolation: str, spacing: float, seed: int) -> rb.Terrain:
-    """Noise as rough as the grid can say, the box several cells long or a part of one."""
+    """Return white noise of one cell's height; the box is several cells long or a part of one."""
     z = spacing * np.random.default_rng(seed).normal(size=(60, 60))
     return rb.Terrain.from_array(z, spacing, (-29.5 * spacing, -29.5 * spacing), interpolation)
 
@@ -31,4 +31,4 @@ def test_clearance_is_the_minimum_over_the_whole_box(interpolation: str, spacing
     pose = rb.Pose(rover, terrain, x, y, yaw, np.zeros((n, 6)), q, np.zeros(n, dtype=np.uint8))
     faces = oracle.box(rover, x, y, yaw, q)
     brute = oracle.least_gap(oracle.Ground.of(terrain), faces, SLACK).gap.reshape(n, 3).min(axis=1)
-    assert_close(pose.clearance, brute, 2 * SLACK, "m", "both are the least height of the box's lower faces over the same ground")
+    assert_close(pose.clearance, brute, 2 * SLACK, "m", "both are the minimum height of the box over the terrain")

@@ -1,4 +1,4 @@
-"""Bounds that the searches close cells with: each contains what dense sampling finds, and is no looser than it claims."""
+"""Bounds of the contact search, compared with dense sampling."""
 
 from __future__ import annotations
 
@@ -19,13 +19,16 @@ ORDERS = {"XX": (2, 0), "XY": (1, 1), "YY": (0, 2), "XXX": (3, 0), "XXY": (2, 1)
 
 
 def derivative(c: Array, order: int, t: Array, step: float) -> Array:
-    """Return a derivative along the last axis of the cubic B-spline pieces with coefficients c (..., 4), at t in 0..1."""
+    """Return a derivative of cubic B-spline pieces with coefficients c (..., 4), at t in [0, 1].
+
+    It is along the last axis.
+    """
     piece = BSpline(np.arange(-3.0, 5.0), np.moveaxis(c, -1, 0), 3)
     return np.moveaxis(piece.derivative(order)(t) if order else piece(t), 0, -1) / step**order
 
 
 def sampled(c: Array, order: tuple[int, int], dx: float, dy: float) -> Array:
-    """Return a mixed derivative of one cell's bicubic (4, 4) on a grid of 21 x 21 points, both ends included."""
+    """Return a mixed derivative of one cell's bicubic (4, 4) on 21 × 21 points."""
     t = np.linspace(0.0, 1.0, 21)
     t[-1] = 1.0 - 1e-12  # BSpline takes the piece to the right of a knot
     along_x = derivative(c, order[0], t, dx)
@@ -37,42 +40,42 @@ def sampled(c: Array, order: tuple[int, int], dx: float, dy: float) -> Array:
 def test_cell_derivative_bounds_contain_the_derivatives(seed: int) -> None:
     rng = np.random.default_rng(seed)
     dx, dy = rng.uniform(0.1, 2.0, 2)
-    noise = rng.choice([0.01, 1.0])  # little of it: all rows, and all columns, are alike
+    noise = rng.choice([0.01, 1.0])  # with little noise, all rows and all columns are nearly alike
     c = noise * rng.normal(size=(4, 4)) + rng.normal(size=(4, 1)) + rng.normal(size=(1, 4))
-    bends = np.empty(cubic_cell.DERIVATIVES_SIZE)
-    assert cubic_cell.derivative_bounds(c, 0, 0, dx, dy, bends)
+    derivatives = np.empty(cubic_cell.DERIVATIVES_SIZE)
+    assert cubic_cell.derivative_bounds(c, 0, 0, dx, dy, derivatives)
     for name, order in ORDERS.items():
         values = sampled(c, order, dx, dy)
         at = getattr(cubic_cell, name)
         slack = 1e-9 * (1.0 + abs(values).max())
         if sum(order) == 2:
-            assert bends[at] <= values.min() + slack, name
-            assert bends[at + 1] >= values.max() - slack, name
+            assert derivatives[at] <= values.min() + slack, name
+            assert derivatives[at + 1] >= values.max() - slack, name
         else:
-            assert bends[at] >= abs(values).max() - slack, name
+            assert derivatives[at] >= abs(values).max() - slack, name
 
 
 @pytest.mark.nojit
 def test_third_derivative_bound_of_a_plane_and_of_a_cubic() -> None:
-    """A plane has no third derivative, whatever its slope; x³ / 6 has 1."""
-    bends = np.empty(cubic_cell.DERIVATIVES_SIZE)
+    """The third derivative of a plane is 0 for any slope, that of x³ / 6 is 1."""
+    derivatives = np.empty(cubic_cell.DERIVATIVES_SIZE)
     row, col = np.mgrid[:4, :4].astype(float)
-    assert cubic_cell.derivative_bounds(3.0 * col - 2.0 * row + 5.0, 0, 0, 0.5, 0.25, bends)
-    np.testing.assert_allclose(bends, 0.0, atol=1e-12)
+    assert cubic_cell.derivative_bounds(3.0 * col - 2.0 * row + 5.0, 0, 0, 0.5, 0.25, derivatives)
+    np.testing.assert_allclose(derivatives, 0.0, atol=1e-12)
     # the cubic x³ / 6 sampled at k - 1 has B-spline coefficients (t³ - t) / 6
     t = col - 1.0
-    assert cubic_cell.derivative_bounds((t**3 - t) / 6.0, 0, 0, 1.0, 1.0, bends)
-    np.testing.assert_allclose(bends[cubic_cell.XXX], 1.0, atol=1e-12)
-    assert cubic_cell.derivative_bounds(((t**3 - t) / 6.0).T.copy(), 0, 0, 1.0, 1.0, bends)
-    np.testing.assert_allclose(bends[cubic_cell.YYY], 1.0, atol=1e-12)
+    assert cubic_cell.derivative_bounds((t**3 - t) / 6.0, 0, 0, 1.0, 1.0, derivatives)
+    np.testing.assert_allclose(derivatives[cubic_cell.XXX], 1.0, atol=1e-12)
+    assert cubic_cell.derivative_bounds(((t**3 - t) / 6.0).T.copy(), 0, 0, 1.0, 1.0, derivatives)
+    np.testing.assert_allclose(derivatives[cubic_cell.YYY], 1.0, atol=1e-12)
 
 
 def some_wheel(rng: np.random.Generator) -> tuple[Array, float, float]:
-    """Return a leaning wheel over the first cell's middle: its array, radius and half width."""
-    lean, heading = rng.uniform(-1.2, 1.2), rng.uniform(-math.pi, math.pi)
+    """Return a tilted wheel over the first cell's middle: its array, radius and half width."""
+    tilt, heading = rng.uniform(-1.2, 1.2), rng.uniform(-math.pi, math.pi)
     radius, half = rng.uniform(0.1, 1.0), rng.choice([0.0, rng.uniform(0.01, 0.6)])
     w = np.empty(wheel.WHEEL_SIZE)
-    a = (math.cos(lean) * math.cos(heading), math.cos(lean) * math.sin(heading), math.sin(lean))
+    a = (math.cos(tilt) * math.cos(heading), math.cos(tilt) * math.sin(heading), math.sin(tilt))
     x, y, z = rng.uniform(-1, 1, 3)
     assert wheel.make_wheel(w, x, y, z, *a, 0.0, 0.0, 1.0, radius, half)
     return w, radius, half
@@ -81,7 +84,7 @@ def some_wheel(rng: np.random.Generator) -> tuple[Array, float, float]:
 @pytest.mark.nojit
 @pytest.mark.parametrize("seed", range(20))
 def test_curvature_bound_along_a_rim(seed: int) -> None:
-    """f'' of the height of a rim over a spline's cell is nowhere below its bound, on arcs of the lower and of the upper half."""
+    """f'' of a rim's height over a spline cell is at least its bound, on arcs of both halves."""
     rng = np.random.default_rng(seed)
     c = rng.normal(size=(4, 4)) * 0.3
     meta = np.zeros(ground.META_SIZE)
@@ -89,12 +92,12 @@ def test_curvature_bound_along_a_rim(seed: int) -> None:
     w, _, half = some_wheel(rng)
     w[wheel.HX] += 2.0  # all of the tread lies over the one cell
     w[wheel.HY] += 2.0
-    bends = np.empty(cubic_cell.DERIVATIVES_SIZE)
-    assert cubic_cell.derivative_bounds(c, 0, 0, 4.0, 4.0, bends)
+    derivatives = np.empty(cubic_cell.DERIVATIVES_SIZE)
+    assert cubic_cell.derivative_bounds(c, 0, 0, 4.0, 4.0, derivatives)
     for low in (rng.uniform(-1.5, 0.5), rng.uniform(1.6, 3.0)):
         high = low + rng.choice([0.01, 0.3, 1.0, 1.6])
         _, _, _, gx, gy = cubic_cell._along(c, meta, w, low, half)
-        bound = cubic_cell._least_curvature(w, bends, gx, gy, low, high)
+        bound = cubic_cell._least_curvature(w, derivatives, gx, gy, low, high)
         values = [cubic_cell._along(c, meta, w, t, half)[2] for t in np.linspace(low, high, 101)]
         assert bound <= min(values) + 1e-12
 
@@ -114,8 +117,8 @@ def test_minimum_of_a_wave(seed: int) -> None:
 
 @pytest.mark.nojit
 @pytest.mark.parametrize("seed", range(60))
-def test_a_rectangle_under_a_tread(seed: int) -> None:
-    """`covers` against points of the tread, those within 2 mm of the rectangle's sides left out."""
+def test_a_rectangle_under_a_tread_is_recognised(seed: int) -> None:
+    """`covers` agrees with points of the tread, except within 4 mm of the rectangle's sides."""
     rng = np.random.default_rng(seed)
     w, radius, half = some_wheel(rng)
     x0, y0 = rng.uniform(-1.2, 0.8, 2)
@@ -130,18 +133,21 @@ def test_a_rectangle_under_a_tread(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_roof_lies_over_the_spline(seed: int) -> None:
-    """No point of a spline rises over the bilinear surface of the nodes that bound it."""
+def test_upper_bound_surface_is_above_the_spline(seed: int) -> None:
+    """No point of a spline is above the bilinear surface through its upper bounds at the nodes."""
     rng = np.random.default_rng(seed)
     terrain = rb.Terrain.from_array(rng.normal(size=(12, 9)), (0.5, 0.7))
-    roof = rb.Terrain.from_array(terrain.upper_bound, (0.5, 0.7), interpolation="linear")
+    surface = rb.Terrain.from_array(terrain.upper_bound, (0.5, 0.7), interpolation="linear")
     x, y = rng.uniform(0, 4, 20000), rng.uniform(0, 7.7, 20000)
-    assert (terrain.height(x, y) - terrain.meta[ground.META_Z] - roof.height(x, y)).max() <= 1e-12
+    assert (terrain.height(x, y) - terrain.meta[ground.META_Z] - surface.height(x, y)).max() <= 1e-12
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_a_minimum_on_the_border_of_two_parts(seed: int) -> None:
-    """Hills that are symmetric about a cell's middle, where quarters of the cell meet: the slope there has no sure sign."""
+def test_a_minimum_on_the_border_of_two_parts_is_found(seed: int) -> None:
+    """The hills are symmetric about a cell's middle.
+
+    Its quarters meet there, and the slope's sign is rounding.
+    """
     rng = np.random.default_rng(seed)
     rover = rb.load_rover("curiosity")
     n, dx = 44, 0.2

@@ -1,4 +1,4 @@
-"""Disk cache of compiled kernels: which changes it notices, which folders it uses, and what it announces."""
+"""Disk cache of compiled kernels: its key, its folders and its messages."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ CAP_DAC_OVERRIDE, PR_CAPBSET_DROP = 1, 24
 
 
 def obey_permissions() -> None:
-    """Drop the superuser's right to write read-only files, from the next program on."""
+    """Drop the superuser's right to write read-only files, for programs that start later."""
     ctypes.CDLL(None, use_errno=True).prctl(PR_CAPBSET_DROP, CAP_DAC_OVERRIDE, 0, 0, 0)
 
 
@@ -69,7 +69,7 @@ class Install:
         )
 
     def use(self) -> tuple[float, int]:
-        """Call the caller with 1 in a new process; return its value and the number of kernels compiled."""
+        """Call the caller with 1 in a new process; return its value and the count of compilations."""
         value, count = self.run().stdout.split()
         return float(value), int(count)
 
@@ -81,7 +81,7 @@ class Install:
 
 @pytest.fixture
 def install(tmp_path: Path) -> Iterator[Install]:
-    """Install of its own for each test."""
+    """Return a separate install for each test."""
     if os.name != "posix":
         pytest.skip("uses POSIX permissions")
     copy = Install(tmp_path)

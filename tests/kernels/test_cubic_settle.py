@@ -1,4 +1,4 @@
-"""Poses settled in lanes: the same whoever their neighbours are, and their proof never says more than is so."""
+"""SIMD engine on cubic terrain: independence of the batch, gaps, verified minima."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from support.helpers import paper_rover, random_rover
 
 
 def smooth_ground(seed: int, steep: float, shortest: float, cell: float = 0.25, size: float = 12.0) -> rb.Terrain:
-    """Waves of random lengths from `shortest` on, m, with slopes of about `steep`."""
+    """Return waves of random lengths, at least `shortest` m, with slopes of about `steep`."""
     rng = np.random.default_rng(seed)
     x = np.arange(0, size, cell)
     X, Y = np.meshgrid(x, x)
@@ -37,12 +37,12 @@ ROVERS = {
 
 
 @pytest.mark.parametrize("name", ROVERS)
-def test_a_pose_does_not_know_its_neighbours(name: str) -> None:
-    """Alone, in any order, in any company: the same bits."""
+def test_a_pose_is_independent_of_the_batch(name: str) -> None:
+    """Results are bit-identical alone and in any order."""
     rover, terrain = ROVERS[name], smooth_ground(1, 0.4, 1.5)
     rng = np.random.default_rng(2)
     x, y, yaw = rng.uniform(2, 10, 100), rng.uniform(2, 10, 100), rng.uniform(-9, 9, 100)
-    x[::7] = rng.uniform(-1, 2, len(x[::7]))  # some near the rim of the map and off it
+    x[::7] = rng.uniform(-1, 2, len(x[::7]))  # some near the edge of the map and beyond it
     steering = np.where(rover.steers, rng.uniform(-0.5, 0.5, (100, 6)), 0.0)
     together = rb.settle(rover, terrain, x, y, yaw, steering=steering)
     assert {rb.Status.CONVERGED, rb.Status.OFF_MAP} <= set(together.status)
@@ -56,8 +56,8 @@ def test_a_pose_does_not_know_its_neighbours(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["curiosity", "elhami-dashti"])
-def test_what_newton_leaves_of_a_gap_is_below_a_nanometre(name: str) -> None:
-    """Where rims touch in one place only, no gap is looked at again after the last step."""
+def test_gaps_after_the_last_newton_step_are_below_a_nanometre(name: str) -> None:
+    """Gaps of rims with a single contact are not computed again after the last step."""
     rover = rb.load_rover(name).replace(wheel_width=np.zeros(6))
     radius = float(rover.wheel_radius.max())
     terrain = rb.surfaces.rough(1, max_slope=np.radians(28), min_radius=6 * radius, size=8 * rover.wheelbase)
@@ -69,7 +69,7 @@ def test_what_newton_leaves_of_a_gap_is_below_a_nanometre(name: str) -> None:
     assert np.abs(pose.gap[settled]).max() < 1e-9
 
 
-def test_a_heading_turned_round_many_times_is_the_same_heading() -> None:
+def test_headings_that_differ_by_full_turns_give_the_same_pose() -> None:
     rover, terrain = ROVERS["curiosity"], smooth_ground(1, 0.4, 1.5)
     yaw = np.array([0.7, 1e4, 1e9, -1e15, 1e300])
     far = rb.settle(rover, terrain, 6.0, 6.0, yaw)
@@ -81,8 +81,8 @@ def test_a_heading_turned_round_many_times_is_the_same_heading() -> None:
 
 @pytest.mark.parametrize("name", ROVERS)
 @pytest.mark.parametrize(("steep", "shortest"), [(0.3, 3.0), (0.5, 0.8), (1.0, 0.6)])
-def test_settled_on_waves_by_the_oracle(name: str, steep: float, shortest: float) -> None:
-    """Long waves, and waves short enough that wheels bridge them: no tread point in the ground, every wheel on it."""
+def test_gaps_on_waves_are_zero_by_the_oracle(name: str, steep: float, shortest: float) -> None:
+    """Some waves are so short that wheels bridge them."""
     rover, terrain = ROVERS[name], smooth_ground(3, steep, shortest)
     rng = np.random.default_rng(5)
     x, y, yaw = rng.uniform(2.5, 9.5, (3, 40))
@@ -95,18 +95,20 @@ def test_settled_on_waves_by_the_oracle(name: str, steep: float, shortest: float
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_least_is_said_only_where_it_is_so(seed: int) -> None:
-    """A rim's least place on each end of the width and in its middle, on ground of many sizes: where the proof calls it the
-    tread's least, the oracle finds none lower; and it is not always in doubt."""
+def test_a_verified_minimum_is_the_minimum(seed: int) -> None:
+    """If `is_least` accepts a rim's lowest point, the oracle finds no lower point of the tread.
+
+    Rims are at both ends of the width and in its middle. It accepts more than 20 of 75 points.
+    """
     rng = np.random.default_rng(seed)
-    said = 0
+    decided = 0
     for _ in range(25):
         terrain = smooth_ground(
             int(rng.integers(1 << 30)), rng.uniform(0.1, 0.8), rng.uniform(0.7, 4.0), rng.choice([0.3, 1.0]), 9.0
         )
         radius, half = rng.uniform(0.1, 0.4), rng.uniform(0.0, 0.3)
-        lean, ahead = rng.uniform(-0.3, 0.3), rng.uniform(-np.pi, np.pi)
-        axle = np.array([-math.sin(ahead) * math.cos(lean), math.cos(ahead) * math.cos(lean), math.sin(lean)])
+        tilt, ahead = rng.uniform(-0.3, 0.3), rng.uniform(-np.pi, np.pi)
+        axle = np.array([-math.sin(ahead) * math.cos(tilt), math.cos(ahead) * math.cos(tilt), math.sin(tilt)])
         hub = np.array([*rng.uniform(3, 6, 2), 0.0])
         hub[2] = terrain.height(*hub[:2]) + radius
         w = np.zeros(wheel.WHEEL_SIZE)
@@ -118,15 +120,15 @@ def test_least_is_said_only_where_it_is_so(seed: int) -> None:
             points = hub + place * axle + radius * (np.sin(phi)[:, None] * level - np.cos(phi)[:, None] * upright)
             gap = points[:, 2] - terrain.height(points[:, 0], points[:, 1])
             at, low = phi[gap.argmin()], gap.min()
-            w[wheel.HZ] = hub[2] - terrain.meta[2] - low  # let down till this place touches
+            w[wheel.HZ] = hub[2] - terrain.meta[2] - low  # lowered until this point is in contact
             work = lay_out(np.zeros(WORK_SIZE))
             verdict = verify_minimum.is_least(terrain.packed, w, math.sin(at), math.cos(at), place, work.lowest, work.none)
             if verdict != verify_minimum.LEAST:
                 continue
-            said += 1
+            decided += 1
             down = hub - [0, 0, low]
             frame = (np.array([v]) for v in (down, level, axle, upright))
             one = oracle.Wheels(*frame, np.array([radius]), np.array([half]))
             least = oracle.least_gap(oracle.Ground.of(terrain), one, tolerance=1e-9)
-            assert least.gap.min() > -2e-8  # 20,001 places are as near as r (1e-4)^2 / 8 to the least
-    assert said > 20
+            assert least.gap.min() > -2e-8  # the lowest of 20,001 samples is within r (1e-4)² / 8 of the minimum
+    assert decided > 20

@@ -1,4 +1,4 @@
-"""The kernels' gap over the whole tread, and the contact it is taken at, against the oracle's brackets."""
+"""Gaps and contacts of the scalar kernels over the whole tread, compared with the oracle."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from support import oracle
 from support.helpers import assert_close
 from support.strategies import GROUNDS, heights, terrain_around
 
-BRACKET = 1e-10  # m, of wheels about a metre in radius
+BRACKET = 1e-10  # m, for wheels of about 1 m radius
 
 
 def any_pose(kind: str, interpolation: str, seed: int, count: int = 8) -> rb.Pose:
-    """Poses anywhere over the ground, in it and far above it, at any attitude and steering; nothing is settled."""
+    """Return poses that are not settled: below and above the terrain, any attitude and steering."""
     rng = np.random.default_rng([seed, GROUNDS.index(kind)])
     wide = rng.choice([0.0, rng.uniform(0, 0.2), rng.uniform(0.2, 1.5), 1.5])
     rover = rb.Rover.from_pivots(
@@ -46,13 +46,13 @@ def wheels_of(pose: rb.Pose, q: np.ndarray | None = None) -> oracle.Wheels:
 
 
 @pytest.mark.parametrize("interpolation", ["linear", "cubic"])
-def test_oracle_finds_no_more_and_no_less_than_a_dense_search(interpolation: str) -> None:
-    """Its bracket, against 3,001 x 121 points of each tread: they come no lower, and near it."""
+def test_the_oracle_s_bracket_contains_the_minimum_of_dense_samples(interpolation: str) -> None:
+    """No sample of 3,001 × 121 on each tread is lower, and the lowest is within 2 cm."""
     for kind in ("white", "rocks", "step"):
         pose = any_pose(kind, interpolation, 3, 4)
         ground, wheels = oracle.Ground.of(pose.terrain), wheels_of(pose)
         xy = np.random.default_rng(0).uniform(-8, 8, (2, 500))
-        assert_close(ground.height(*xy), pose.terrain.height(*xy), 1e-12, "m", "both say the same ground")
+        assert_close(ground.height(*xy), pose.terrain.height(*xy), 1e-12, "m", "both evaluate the same surface")
         least = oracle.least_gap(ground, wheels, BRACKET)
         phi, side = (a.ravel() for a in np.meshgrid(np.linspace(-np.pi, np.pi, 3001), np.linspace(-1, 1, 121)))
         for i in range(0, 24, 5):
@@ -63,17 +63,20 @@ def test_oracle_finds_no_more_and_no_less_than_a_dense_search(interpolation: str
 
 @pytest.mark.parametrize("interpolation", ["linear", "cubic"])
 @pytest.mark.parametrize("kind", GROUNDS)
-def test_gap_is_the_least_over_the_whole_tread(kind: str, interpolation: str) -> None:
+def test_gap_is_the_minimum_over_the_whole_tread(kind: str, interpolation: str) -> None:
     for seed in range(2):
         pose = any_pose(kind, interpolation, seed)
         least = oracle.least_gap(oracle.Ground.of(pose.terrain), wheels_of(pose), BRACKET)
-        assert_close(pose.gap.ravel(), least.gap, 1e-9, "m", f"{interpolation} {kind} ground, draw {seed}")
+        assert_close(pose.gap.ravel(), least.gap, 1e-9, "m", f"{interpolation} {kind} terrain, draw {seed}")
 
 
 @pytest.mark.parametrize("interpolation", ["linear", "cubic"])
 @pytest.mark.parametrize("origin", [0.0, 1e4])
-def test_gap_on_the_grid_lines_and_on_the_rim_of_the_map(interpolation: str, origin: float) -> None:
-    """Hubs on nodes, wheels along the grid: rounding must not put a rim between two cells, or off a map it ends on."""
+def test_gap_on_grid_lines_and_on_the_edge_of_the_map_is_the_minimum(interpolation: str, origin: float) -> None:
+    """Hubs lie on nodes, wheels along the grid.
+
+    Rounding must not put a rim outside both cells or off the map.
+    """
     cell, nodes = 0.3, 21
     for seed, kind in enumerate(GROUNDS):
         rng = np.random.default_rng([seed, 5])
@@ -88,38 +91,38 @@ def test_gap_on_the_grid_lines_and_on_the_rim_of_the_map(interpolation: str, ori
             hubs=[(1.5, side, 0), (0, side, 0), (-1.5, side, 0)],
         )
         middle = cell * (nodes - 1) / 2
-        across = np.array([0.0, 0.0, 0.3, 0.9, 0.9, -0.9])  # at 0.9 the left wheels run along the rim, or touch it with theirs
+        across = np.array([0.0, 0.0, 0.3, 0.9, 0.9, -0.9])  # at 0.9 the left wheels lie along the map's edge
         x, y = np.full(6, origin + middle), -origin + middle + across
         q = np.zeros((6, 6))
         q[:, 0] = rng.uniform(0.6, 3, 6)
         q[::2, 2] = 0.2
         pose = rb.Pose(rover, terrain, x, y, np.array([0, np.pi, 0, 0, 0, 0.0]), np.zeros((6, 6)), q, np.zeros(6, np.uint8))
         least = oracle.least_gap(oracle.Ground.of(terrain), wheels_of(pose), BRACKET)
-        assert_close(pose.gap.ravel(), least.gap, 2e-9, "m", f"{interpolation} {kind} ground from {origin}")
+        assert_close(pose.gap.ravel(), least.gap, 2e-9, "m", f"{interpolation} {kind} terrain, origin {origin}")
 
 
 @pytest.mark.parametrize("interpolation", ["linear", "cubic"])
-def test_contact_point_is_on_the_tread_and_as_high_over_the_ground_as_the_gap(interpolation: str) -> None:
+def test_contact_point_is_on_the_tread_and_higher_than_the_terrain_by_the_gap(interpolation: str) -> None:
     for kind in GROUNDS:
         pose = any_pose(kind, interpolation, 11)
         wheels, point = wheels_of(pose), pose.contact_point.reshape(-1, 3)
         over = point[:, 2] - oracle.Ground.of(pose.terrain).height(point[:, 0], point[:, 1])
-        assert_close(over, pose.gap.ravel(), 1e-9, "m", f"the contact stands over {kind} ground by the gap")
+        assert_close(over, pose.gap.ravel(), 1e-9, "m", f"the contact is above {kind} terrain by the gap")
         arm = point - wheels.hub
         along = (arm * wheels.Y).sum(-1)
         assert_close(np.hypot((arm * wheels.X).sum(-1), (arm * wheels.Z).sum(-1)), wheels.radius, 1e-9, "m", "on the rim")
-        assert (abs(along) <= wheels.half + 1e-12).all(), f"{kind}: a contact beside the tread"
+        assert (abs(along) <= wheels.half + 1e-12).all(), f"{kind}: the contact is beside the tread"
         angle = pose.contact_angle.ravel()
         rim = wheels.hub + along[:, None] * wheels.Y
         rim -= wheels.radius[:, None] * (np.sin(angle)[:, None] * wheels.X + np.cos(angle)[:, None] * wheels.Z)
-        assert_close(point, rim, 1e-9, "m", "the contact angle is eq. 5's")
+        assert_close(point, rim, 1e-9, "m", "the contact angle is that of eq. 5")
 
 
 @pytest.mark.parametrize("interpolation", ["linear", "cubic"])
-def test_contact_normal_says_how_the_gap_changes(interpolation: str) -> None:
-    """A small motion of the linkage changes the gap as its contact moves along the normal; not so where two places tie."""
+def test_rate_of_the_gap_is_the_contact_s_velocity_along_the_normal(interpolation: str) -> None:
+    """It holds for a small motion of the linkage, except where two contacts have equal gaps."""
     step, seen = 1e-6, 0
-    for kind in set(GROUNDS) - {"flat", "plane"}:  # there a wide wheel that stands level ties along its width
+    for kind in set(GROUNDS) - {"flat", "plane"}:  # there the gap of a level wide wheel is constant along its width
         pose = any_pose(kind, interpolation, 7)
         wheels, normal = wheels_of(pose), pose.contact_normal.reshape(-1, 3)
         arm = pose.contact_point.reshape(-1, 3) - wheels.hub
@@ -133,16 +136,16 @@ def test_contact_normal_says_how_the_gap_changes(interpolation: str) -> None:
                 for sign in (1, -1)
             )
             moved = (wheels_of(ahead).tread(phi, s)[0] - wheels_of(behind).tread(phi, s)[0]) / (2 * step)
-            told = (moved * normal).sum(-1) / normal[:, 2]
+            predicted = (moved * normal).sum(-1) / normal[:, 2]
             rate = ((ahead.gap - behind.gap) / (2 * step)).ravel()
             generic = abs(ahead.gap + behind.gap - 2 * pose.gap).ravel() / step < 1e-3
             seen += generic.sum()
-            assert_close((rate / (1 + abs(rate)))[generic], (told / (1 + abs(rate)))[generic], 1e-3, "", f"{kind} ground")
+            assert_close((rate / (1 + abs(rate)))[generic], (predicted / (1 + abs(rate)))[generic], 1e-3, "", f"{kind} terrain")
     assert seen > 2000
 
 
-def test_contacts_are_counted_place_by_place() -> None:
-    """Level ground and a lone bar are touched once; two bars just as far ahead of the hub as behind it, twice."""
+def test_separate_contacts_are_counted() -> None:
+    """Level terrain or one bar gives 1 contact; bars on both sides of the hub give 2."""
     radius, cell = 0.1, 0.02
     rover = rb.Rover.from_pivots(
         wheel_radius=radius,
@@ -154,13 +157,13 @@ def test_contacts_are_counted_place_by_place() -> None:
     flat = np.zeros((x.size, x.size))
     high = 0.03
 
-    def on_bars(*places: float) -> rb.Pose:
-        """All wheels level, the front ones on bars across the way, this far ahead of their hubs."""
+    def on_bars(*ahead: float) -> rb.Pose:
+        """Return a level rover with front wheels on bars along y, `ahead` m ahead of their hubs."""
         z = flat.copy()
-        for place in places:
-            z[:, np.isclose(x, 0.5 + place)] = high
-        rest = 0.1 if not places else high + np.sqrt(radius**2 - places[0] ** 2)
-        q = np.array([rest - 0.1, 0, 0, 0, 0, 0])
+        for distance in ahead:
+            z[:, np.isclose(x, 0.5 + distance)] = high
+        hub = 0.1 if not ahead else high + np.sqrt(radius**2 - ahead[0] ** 2)
+        q = np.array([hub - 0.1, 0, 0, 0, 0, 0])
         terrain = rb.Terrain.from_array(z, cell, (x[0], x[0]), "linear")
         return rb.Pose(rover, terrain, *np.zeros((3, 1)), np.zeros((1, 6)), q[None], np.zeros(1, np.uint8))
 
@@ -170,18 +173,18 @@ def test_contacts_are_counted_place_by_place() -> None:
     assert_close(on_bars(0.04, -0.04).gap[0, :2], 0.0, 1e-15, "m", "a rim over two bars")
 
 
-def test_tread_that_just_reaches_the_rim_of_the_map_is_on_it() -> None:
+def test_a_tread_within_1_mm_of_the_map_s_edge_is_on_the_map() -> None:
     rover = rb.load_rover("elhami-dashti")
     ahead = float(rover.hubs[:, 0].max() + rover.wheel_radius[0])
     beside = float(rover.hubs[:, 1].max())
     terrain = rb.Terrain.from_array(np.zeros((33, 65)), 0.0625, interpolation="linear")
     west, south, east, _ = terrain.bounds
-    hair = 1e-3
-    inside = rb.settle(rover, terrain, east - ahead - hair, south + beside + hair)
+    margin = 1e-3
+    inside = rb.settle(rover, terrain, east - ahead - margin, south + beside + margin)
     assert inside.status == rb.Status.CONVERGED
     for x, y in (
-        (east - ahead + hair, south + beside + hair),
-        (east - ahead - hair, south + beside - hair),
+        (east - ahead + margin, south + beside + margin),
+        (east - ahead - margin, south + beside - margin),
         (west - 1, 0),
         (9e9, 0),
     ):

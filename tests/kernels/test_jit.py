@@ -1,4 +1,4 @@
-"""Compile notice, and parallel loops: every item is computed once, by any number of threads."""
+"""Compile notice, and the parallel loop over a batch."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ print(gc.isenabled(), len(sincos.signatures) if hasattr(sincos, "signatures") el
 
 def first_use(cache: Path, *, terminal: bool) -> tuple[str, str]:
     """Return stdout and stderr of a process that uses a kernel and the cache folder `cache`."""
-    pty = pytest.importorskip("pty", reason="a terminal to say it to")
+    pty = pytest.importorskip("pty", reason="needs a pseudo-terminal")
     env = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "NUMBA_DISABLE_JIT": "0"}
     ours, theirs = pty.openpty()
     done = subprocess.run(

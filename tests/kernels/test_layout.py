@@ -39,7 +39,7 @@ def test_rows_follow_one_another(solver: str) -> None:
 
 
 def test_every_row_is_written_and_read() -> None:
-    """Check for rows left over; only results are read elsewhere, in `batch`."""
+    """Only the rows of results are read elsewhere, in `batch`."""
     rows = {f"{name}.{field}" for name, group in GROUPS.items() for field in group._fields}
     written = set().union(*(access.writes for access in ACCESSES.values()))
     read = set().union(*(access.reads for access in ACCESSES.values()))

@@ -38,7 +38,7 @@ def test_height_is_the_mean_of_the_links(name: str) -> None:
         q, yaw = rng.normal(size=6) * 0.3, rng.uniform(-3, 3)
         steering = rng.uniform(-1, 1, 6) * rover.steers
         height, _ = height_and_slope(rover, q, yaw, steering)
-        expected = oracle.mass_height(rover, oracle.stance(rover, 0.0, 0.0, yaw, q, steering))[0] - q[0]
+        expected = oracle.mass_height(rover, oracle.link_poses(rover, 0.0, 0.0, yaw, q, steering))[0] - q[0]
         assert_close(height, expected, 1e-12, "m", "the same sum over nine links, by rotation matrices")
 
 

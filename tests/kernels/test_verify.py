@@ -1,4 +1,4 @@
-"""`verify` against dense sampling, against the oracle's brackets, on wrong poses and beside missing data."""
+"""`verify`, compared with dense sampling and the oracle, on wrong poses and at missing data."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PHI, SIDE = np.meshgrid(np.linspace(-np.pi, np.pi, 1441), np.linspace(-1, 1, 61)
 
 
 def hand_made(rover: rb.Rover, terrain: rb.Terrain, rng: np.random.Generator, count: int, roll: float) -> rb.Pose:
-    """Return poses at random places near the middle of the map, with wheels in the ground and above it; nothing is settled."""
+    """Return poses that are not settled, near the map's middle, below and above the terrain."""
     x0, y0, x1, y1 = terrain.bounds
     x, y = (a + (b - a) * rng.uniform(0.4, 0.6, count) for a, b in ((x0, x1), (y0, y1)))
     tilt, joints = rng.uniform(-roll, roll, count), rng.uniform(-0.4, 0.4, (count, 3))
@@ -31,7 +31,7 @@ def hand_made(rover: rb.Rover, terrain: rb.Terrain, rng: np.random.Generator, co
 
 
 def sampled(pose: rb.Pose) -> np.ndarray:
-    """Return the lowest (tread z - terrain z) (n, 6) of a dense grid of points on each tread, m."""
+    """Return the lowest (tread z − terrain z) (n, 6) of dense samples of each tread, m."""
     wheels, out = wheels_of(pose), []
     for i in range(6 * pose.status.size):
         point = wheels.take(np.full(PHI.size, i)).tread(PHI.ravel(), SIDE.ravel() * wheels.half[i])[0]
@@ -40,7 +40,7 @@ def sampled(pose: rb.Pose) -> np.ndarray:
 
 
 def sampled_box(pose: rb.Pose) -> np.ndarray:
-    """Return the lowest (box z - terrain z) (n,) of a dense grid of points on all six faces of the body's box, m."""
+    """Return the lowest (box z − terrain z) (n,) of dense samples of the box's faces, m."""
     (low, high), T = pose.rover.body_box, pose.T_world_body
     g, out = np.linspace(0, 1, 201), np.full(pose.status.size, np.inf)
     u, v = (a.ravel() for a in np.meshgrid(g, g))
@@ -54,7 +54,7 @@ def sampled_box(pose: rb.Pose) -> np.ndarray:
 
 
 def hard_terrain(name: str, interpolation: str, seed: int) -> rb.Terrain:
-    """Return terrain that is hard to search: node spacing near a wheel's radius, or many cells under each wheel."""
+    """Return terrain that is hard to search, with nodes a wheel radius apart or much closer."""
     rng = np.random.default_rng(seed)
     size, step = (60, 0.25) if seed % 2 else (160, 0.1)
     j, i = np.mgrid[:size, :size].astype(float)
@@ -86,7 +86,7 @@ def rover_of_width(width: float) -> rb.Rover:
 @pytest.mark.parametrize("width", [0.0, 0.15, 1.0])
 @pytest.mark.parametrize("interpolation", KINDS)
 @pytest.mark.parametrize("name", ["chequered", "random", "ripples", "plane"])
-def test_brackets_hold_the_sampled_minimum(name: str, interpolation: str, width: float) -> None:
+def test_brackets_contain_the_sampled_minimum(name: str, interpolation: str, width: float) -> None:
     for seed in (1, 2):
         terrain, rng = hard_terrain(name, interpolation, seed), np.random.default_rng(seed)
         pose = hand_made(rover_of_width(width), terrain, rng, 4, roll=(0.05, 1.0)[seed - 1])
@@ -135,8 +135,8 @@ def ripples(A: float, lx: float, ly: float) -> rb.Terrain:
     return rb.Terrain.from_array(A * (np.sin(2 * np.pi * xx / lx) + np.sin(2 * np.pi * yy / ly)), 0.25)
 
 
-def test_deep_penetration_is_found_with_scipy_s_spline_as_the_reference() -> None:
-    """A tread whose level stretch hangs over a crest narrower than a cell, pushed into it: the penetration is the sampled one."""
+def test_penetration_of_a_crest_narrower_than_a_cell_is_that_sampled_on_scipy_s_spline() -> None:
+    """A wide tread is pushed into the crest."""
     rover = rb.load_rover("curiosity")
     rng = np.random.default_rng(5)
     for shape in ((0.1, 1.1, 0.9), (0.1, 1.0, 0.6)):
@@ -161,7 +161,7 @@ PENETRATING = [
 
 
 @pytest.mark.parametrize(("waves", "place", "q", "lowest"), PENETRATING)
-def test_known_penetrations_are_told(waves: tuple, place: tuple, q: tuple, lowest: float) -> None:
+def test_known_penetrations_are_reported(waves: tuple, place: tuple, q: tuple, lowest: float) -> None:
     x, y, yaw = (np.array(value) for value in place)
     pose = rb.Pose(rb.load_rover("curiosity"), ripples(*waves), x, y, yaw, np.zeros(6), np.array(q), np.zeros((), np.uint8))
     v = rb.verify(pose)
@@ -171,8 +171,11 @@ def test_known_penetrations_are_told(waves: tuple, place: tuple, q: tuple, lowes
 
 
 @pytest.mark.parametrize("interpolation", KINDS)
-def test_missing_data_and_the_map_s_edge(interpolation: str) -> None:
-    """A disc along x = const from y - r to y + r; nodes every 0.25 m; the box of the body far above."""
+def test_missing_data_and_the_map_s_edge_are_reported(interpolation: str) -> None:
+    """A disc lies along x = const from y − r to y + r.
+
+    Nodes are 0.25 m apart; the body's box is far above.
+    """
     z = np.zeros((40, 40))
     z[20:, 20] = np.nan
     terrain = rb.Terrain.from_array(z, 0.25, interpolation=interpolation)
@@ -196,7 +199,7 @@ def test_missing_data_and_the_map_s_edge(interpolation: str) -> None:
     assert known(edge - 5e-10, 7.0) == (True, True)
     assert known(edge - 2e-9, 7.0) == (False, True)
     assert known(5.0, 7.0) == (False, True)
-    assert known(5.0, row - 0.25) == (True, True)  # the rim's end touches the border
+    assert known(5.0, row - 0.25) == (True, True)  # the rim's end lies on the border
     assert known(5.0, row - 0.25 + 2e-9) == (False, True)
     assert known(0.0, 2.0) == (True, True)
     assert known(-5e-10, 2.0) == (True, True)
@@ -223,7 +226,7 @@ def test_a_window_and_a_map_far_from_the_origin_give_the_same_bits(interpolation
     assert outside.on_map.all()
 
 
-def test_batch_axes_nan_poses_and_the_work_limit() -> None:
+def test_batch_axes_lead_nan_poses_are_nan_and_the_limit_is_kept() -> None:
     rover, terrain = rb.load_rover("curiosity"), rb.surfaces.mars(seed=1)
     pose = rb.settle(rover, terrain, np.zeros((2, 1)), [[0.0, 1.0, 1e6]], 0.3)
     v = rb.verify(pose)
@@ -242,8 +245,8 @@ def test_batch_axes_nan_poses_and_the_work_limit() -> None:
     assert empty.gap_low.shape == (0, 6)
 
 
-def test_poses_at_rest() -> None:
-    """Wheels in the air may have any gap; a wheel with a support force, and a belly with one, must touch."""
+def test_equilibria_pass_and_fail_when_shifted() -> None:
+    """Lifted wheels have any gap ≥ 0; a wheel or body with a support force is in contact."""
     rng = np.random.default_rng(2)
     rover, terrain = rb.load_rover("curiosity"), rb.Terrain.from_array(rng.normal(0, 0.2, (60, 60)), 0.25, interpolation="linear")
     pose = rb.settle(rover, terrain, *rng.uniform(6, 9, (2, 40)), 0.4, mode="equilibrium")
@@ -256,7 +259,7 @@ def test_poses_at_rest() -> None:
     assert not rb.verify(replace(pose, q=pose.q - [1e-5, 0, 0, 0, 0, 0])).passes().any()
 
 
-def test_wrong_arguments() -> None:
+def test_wrong_arguments_are_refused() -> None:
     pose = rb.settle(rb.load_rover("curiosity"), rb.surfaces.plane(), 0.0, 0.0)
     with pytest.raises(rb.RockerbogieError, match="pose is 'here', not a Pose"):
         rb.verify("here")  # type: ignore[arg-type]

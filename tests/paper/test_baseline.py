@@ -1,4 +1,4 @@
-"""The paper's solve: it solves the paper's equations, agrees with `settle` where it should, and its page says what it does."""
+"""The paper's own solution: its equations, its agreement with `settle`, and its page."""
 
 from __future__ import annotations
 
@@ -18,45 +18,45 @@ ROVER = paper_rover()
 ROUGH = rb.surfaces.rough(7, size=8.0)
 
 
-def places(n: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """x, y, yaw (n,) on ROUGH."""
+def positions(n: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return random x, y (m) and yaw (rad), each (n,), on ROUGH."""
     rng = np.random.default_rng(seed)
     return rng.uniform(-3, 3, n), rng.uniform(-3, 3, n), rng.uniform(-np.pi, np.pi, n)
 
 
 def uphill(pose: rb.Pose) -> np.ndarray:
-    """Γ (..., 6) at the contacts, along the body's heading."""
+    """Return the slope Γ (..., 6) at the contacts along the body's heading."""
     slope = pose.terrain.gradient(pose.contact_point[..., 0], pose.contact_point[..., 1])
     return slope[..., 0] * np.cos(pose.yaw)[..., None] + slope[..., 1] * np.sin(pose.yaw)[..., None]
 
 
-def test_flat_ground_gives_the_papers_rest_pose() -> None:
+def test_level_terrain_gives_the_paper_s_pose_at_joint_angles_near_0() -> None:
     pose = fsolve_settle(ROVER, rb.surfaces.plane(), 0.3, -0.2, 1.0)
     assert pose.status == rb.Status.CONVERGED
     expected = [0.0, -0.000562, 0.0, 0.000562, 0.000562]
     assert_close(pose.q[1:], expected, 1e-6, "rad", "the 0.3 mm in the paper's own constants")
 
 
-def test_below_the_hubs_is_right_on_level_ground_and_wrong_by_the_slope_s_share_elsewhere() -> None:
+def test_contact_below_the_hub_is_exact_on_level_terrain_and_too_low_on_a_slope() -> None:
     level = rb.surfaces.plane()
     assert_close(
         fsolve_settle(ROVER, level, 0.3, -0.2, 1.0, contact="hub").q, rb.settle(ROVER, level, 0.3, -0.2, 1.0).q, 1e-6, "m, rad",
-        "the contact is below the hub there, but for the 0.03 deg the body leans",
+        "the contact is below the hub there, except for the body's tilt of 0.03 deg",
     )  # fmt: skip
     slope = np.tan(0.2)
     ramp = rb.Terrain.from_array(np.arange(-50, 51) * 0.1 * slope * np.ones((101, 1)), 0.1, (-5, -5))
     high, exact = fsolve_settle(ROVER, ramp, 0, 0, contact="hub"), rb.settle(ROVER, ramp, 0, 0)
     short = ROVER.wheel_radius[0] * (1 / np.cos(0.2) - 1)
-    assert_close(exact.z - high.z, short, 1e-4, "m", "a radius is less than its share of the vertical, by 1 / cos of the slope")
+    assert_close(exact.z - high.z, short, 1e-4, "m", "the vertical distance from hub to terrain is r / cos of the slope, not r")
 
 
-def test_it_solves_eqs_11_to_16() -> None:
-    """Through frames and contact frames, at the angles its own answer implies."""
-    pose = fsolve_settle(ROVER, ROUGH, *places(20))
+def test_the_solution_satisfies_eqs_11_to_16() -> None:
+    """The equations are evaluated with wheel and contact frames at the solution's own angles."""
+    pose = fsolve_settle(ROVER, ROUGH, *positions(20))
     assert (pose.status == rb.Status.CONVERGED).all()
     axle = pose.T_world_body[:, None] @ rb.wheel_frames(ROVER, pose.rocker, pose.bogie)
     delta = np.zeros((20, 6))
-    for _ in range(200):  # each angle wants the slope at the contact it makes
+    for _ in range(200):  # fixed point: each angle depends on the slope at its own contact
         contact = contact_frames(ROVER, axle, delta)[..., :3, 3]
         slope = ROUGH.gradient(contact[..., 0], contact[..., 1])
         gamma = slope[..., 0] * np.cos(pose.yaw)[:, None] + slope[..., 1] * np.sin(pose.yaw)[:, None]
@@ -67,8 +67,8 @@ def test_it_solves_eqs_11_to_16() -> None:
     assert_close(contact[..., 2], ROUGH.height(contact[..., 0], contact[..., 1]), 1e-9, "m", "eqs 13")
 
 
-def test_smooth_ground_is_settled_as_exactly_as_the_angles_allow() -> None:
-    at = places(60)
+def test_on_smooth_terrain_the_pose_is_exact_except_for_the_approximate_angles() -> None:
+    at = positions(60)
     exact, paper, rim = (
         rb.settle(ROVER, ROUGH, *at),
         fsolve_settle(ROVER, ROUGH, *at),
@@ -76,15 +76,15 @@ def test_smooth_ground_is_settled_as_exactly_as_the_angles_allow() -> None:
     )
     assert (exact.status == rb.Status.CONVERGED).all()
     assert_close(paper.q[:, 0], exact.z, 1e-6, "m", "an angle off by 0.4 deg lifts a wheel by r Δ²/2 = 2 µm at most")
-    assert_close(paper.q[:, 1:], exact.q[:, 1:], 1e-5, "rad", "and that over the wheelbase")
+    assert_close(paper.q[:, 1:], exact.q[:, 1:], 1e-5, "rad", "2 µm over the wheelbase")
     off = np.abs(paper_contact_angles(ROVER, exact, uphill(exact)) - exact.contact_angle)
-    assert 1e-4 < off.max() < np.radians(0.5)  # they are approximate under roll, and no more than so
+    assert 1e-4 < off.max() < np.radians(0.5)  # the angles are approximate under roll
     apart = np.abs(rim.q - exact.q)
-    assert 1e-5 < apart.max() < 2e-3  # 23 points stand 8 deg apart: up to r (4 deg)² / 2 = 0.25 mm a wheel
+    assert 1e-5 < apart.max() < 2e-3  # 23 points are 8 deg apart: up to r (4 deg)² / 2 = 0.25 mm per wheel
 
 
-def test_the_pages_exact_angle_is_the_exact_angle() -> None:
-    pose = rb.settle(ROVER, rb.surfaces.rough(2, size=8.0, min_radius=1.0), *places(200))
+def test_the_page_s_formula_gives_the_exact_angle() -> None:
+    pose = rb.settle(ROVER, rb.surfaces.rough(2, size=8.0, min_radius=1.0), *positions(200))
     slope = pose.terrain.gradient(pose.contact_point[..., 0], pose.contact_point[..., 1])
     c, s = np.cos(pose.yaw)[:, None], np.sin(pose.yaw)[:, None]
     roll, pitch = pose.roll[:, None], pose.pitch[:, None]
@@ -100,8 +100,8 @@ def test_the_pages_exact_angle_is_the_exact_angle() -> None:
     assert np.abs(off - guess).max() < 0.25 * np.abs(off).max()
 
 
-def test_the_hollow_corner_has_two_contacts_and_the_paper_takes_one() -> None:
-    terrain, x = rb.surfaces.paper(), np.arange(1.2, 1.6, 0.01)  # the right rear wheel meets the ramp's foot
+def test_at_the_concave_corner_the_paper_uses_one_of_two_contacts() -> None:
+    terrain, x = rb.surfaces.paper(), np.arange(1.2, 1.6, 0.01)  # the right rear wheel is at the foot of the ramp
     paper, exact = fsolve_settle(ROVER, terrain, x, 0.0), rb.settle(ROVER, terrain, x, 0.0)
     sunk = paper.gap.min(axis=-1)
     assert -0.0035 < sunk.min() < -0.001
@@ -110,7 +110,7 @@ def test_the_hollow_corner_has_two_contacts_and_the_paper_takes_one() -> None:
     assert off[sunk < -1e-3].max() > 1e-3
 
 
-def test_what_cannot_be_settled_says_why() -> None:
+def test_poses_that_cannot_be_computed_are_nan_with_a_status() -> None:
     z = np.zeros((60, 60))
     z[20:24, 40:44] = np.nan
     terrain = rb.Terrain.from_array(z, 0.1, interpolation="linear")
@@ -119,7 +119,7 @@ def test_what_cannot_be_settled_says_why() -> None:
     assert np.isnan(pose.q).all(axis=-1).tolist() == [False, True, True, True]
     cliff = fsolve_settle(ROVER, rb.surfaces.step(1.0, size=10), np.linspace(0.3, 1.5, 13), 0.0)
     lost = cliff.status == rb.Status.NOT_CONVERGED
-    assert 0 < lost.sum() < 13  # a wall of 1 m: some places have no answer it can find
+    assert 0 < lost.sum() < 13  # a wall of 1 m: it does not converge at some positions
     assert np.array_equal(np.isnan(cliff.q).all(axis=-1), lost)
 
 
@@ -136,7 +136,7 @@ def test_unknown_contact_is_refused() -> None:
         fsolve_settle(ROVER, ROUGH, 0, 0, contact="rim", points=0)
 
 
-def test_the_pages_tables_are_what_the_example_prints(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_page_s_tables_equal_the_output_of_the_example(capsys: pytest.CaptureFixture[str]) -> None:
     runpy.run_path(str(ROOT / "examples" / "contact_angles.py"))
     printed = [line for line in capsys.readouterr().out.splitlines() if line.startswith("|")]
     page = (ROOT / "docs" / "contact_angles.md").read_text(encoding="utf-8")
@@ -145,6 +145,6 @@ def test_the_pages_tables_are_what_the_example_prints(capsys: pytest.CaptureFixt
     for now, said in zip(printed, stated, strict=True):
         for a, b in zip(now.split("|"), said.split("|"), strict=True):
             try:
-                assert float(a) == pytest.approx(float(b), rel=0.2, abs=1e-4)  # a last digit may turn between machines
+                assert float(a) == pytest.approx(float(b), rel=0.2, abs=1e-4)  # a last digit may differ between machines
             except ValueError:
                 assert a == b

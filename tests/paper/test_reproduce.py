@@ -1,4 +1,4 @@
-"""Section III end to end: what `reproduce` writes, that its report stands alone, and that its verdicts can be otherwise."""
+"""Reproduction of section III: its files, its self-contained report and its verdicts."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ FILES = {
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, object]]:
-    """The folder that `rockerbogie reproduce` wrote, and what it printed as JSON."""
+    """Return the folder that `rockerbogie reproduce` wrote, and its printed JSON."""
     folder = tmp_path_factory.mktemp("paper") / "out"
     with redirect_stdout(StringIO()) as printed:
         assert main(["reproduce", "-o", str(folder), "--json"]) == 0
@@ -41,14 +41,14 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, obje
 
 @pytest.fixture(scope="module")
 def crossing() -> Crossing:
-    """The model's run, every 4 mm."""
+    """Return the model's run with a station every 4 mm."""
     rover, terrain = rb.load_rover(paper.ROVER), rb.surfaces.paper()
     run = rb.drive(rover, terrain, rb.Path.straight((0, 0), 0, paper.DISTANCE), step=0.004)
     return Crossing.of(rover, terrain, run, paper.BUMP_START, paper.BUMP_START + paper.BUMP_LENGTH)
 
 
 class Page(HTMLParser):
-    """What a page would load, what it links to, and its text."""
+    """An HTML page: the sources it loads, its links and its text."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -80,7 +80,7 @@ class Page(HTMLParser):
             self.words.append(data)
 
 
-def test_everything_is_written(made: tuple[Path, dict[str, object]]) -> None:
+def test_all_files_are_written(made: tuple[Path, dict[str, object]]) -> None:
     folder, _ = made
     assert {f.name for f in folder.iterdir()} == FILES
     for n in (6, 7, 8, 9):
@@ -113,15 +113,15 @@ def test_model_keeps_the_limits(made: tuple[Path, dict[str, object]]) -> None:
             rms = float(np.sqrt(np.mean(apart**2)))
             assert 0 < rms <= limit
             assert np.abs(apart).max() <= 0.15
-            assert_close(rows[name]["rms"], rms, 1e-9, "deg", "the table tells this difference")
+            assert_close(rows[name]["rms"], rms, 1e-9, "deg", "the table states this difference")
         apart = np.degrees(pose.bogie - sim["bogie"].values)
         assert (np.sqrt(np.mean(apart**2, axis=0)) <= 0.04).all()
         assert np.abs(apart).max() <= 0.15
         assert np.sqrt(np.mean((pose.z - sim["z"].values) ** 2)) <= 1.5e-3
-        assert float(sim["x"].max()) > 3.5, "the simulated rover got across"
+        assert float(sim["x"].max()) > 3.5, "the simulated rover reaches the end"
 
 
-def test_csv_tells_what_netcdf_tells(made: tuple[Path, dict[str, object]]) -> None:
+def test_csv_and_netcdf_hold_the_same_values(made: tuple[Path, dict[str, object]]) -> None:
     folder, _ = made
     for name in ("model", "simulation"):
         with open(folder / f"{name}.csv", encoding="utf-8", newline="") as stream:
@@ -131,7 +131,7 @@ def test_csv_tells_what_netcdf_tells(made: tuple[Path, dict[str, object]]) -> No
                 assert_close([float(row[column]) for row in rows], values.values, 1e-9, "rad", "the same run, ten digits")
 
 
-def test_report_stands_alone(made: tuple[Path, dict[str, object]]) -> None:
+def test_report_is_self_contained(made: tuple[Path, dict[str, object]]) -> None:
     folder, printed = made
     text = (folder / "report.html").read_text(encoding="utf-8")
     assert not re.search(r"https?://|url\(|@import|<script", text)
@@ -154,8 +154,8 @@ def test_report_stands_alone(made: tuple[Path, dict[str, object]]) -> None:
         assert f"{row['channel']} {row['rms']:.4f} {row['rms_limit']:g} {row['worst']:.4f}" in words
 
 
-def test_statements_hold_but_the_one(crossing: Crossing) -> None:
-    """All are confirmed except that the left contact angle jumps: this hill, unlike the ramp, starts with slope 0."""
+def test_all_statements_hold_except_one(crossing: Crossing) -> None:
+    """The left contact angle does not jump: this hill, unlike the ramp, starts with slope 0."""
     claims = check_claims(crossing)
     assert [c.figure for c in claims] == [7, 7, 8, 8, 8, 9, 9, 9, 9]
     assert [c.says for c in claims if not c.holds] == [
@@ -169,7 +169,7 @@ def by_words(crossing: Crossing, words: str) -> Claim:
 
 
 def test_statements_can_be_untrue(crossing: Crossing) -> None:
-    """Each verdict follows the data: made otherwise, it falls otherwise."""
+    """Each verdict depends on the data: changed data change it."""
     c, x = crossing, crossing.x
     swapped = replace(c, bogie=c.bogie[:, ::-1], contact_angle=c.contact_angle[:, [1, 0, 3, 2, 5, 4]])
     spoiled = {

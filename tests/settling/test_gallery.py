@@ -28,7 +28,7 @@ def test_each_pose_shows_its_subject() -> None:
     pose = {name: pose for name, (_, pose) in POSES.items()}
     assert -1.0 < pose["step"].contact_angle[0] < -0.7  # on the edge of a step higher than its axle
     assert pose["astride"].clearance < 0.15
-    assert pose["stop"].joint_stop.tolist() == [0, -1, 0]
-    assert pose["hanging"].wheel_lifted.tolist() == [True, False, False, False, False, False]
-    assert pose["belly"].belly_support > 0.5 * pose["belly"].rover.mass * 9.80665
+    assert pose["limit"].joint_stop.tolist() == [0, -1, 0]
+    assert pose["edge"].wheel_lifted.tolist() == [True, False, False, False, False, False]
+    assert pose["body"].belly_support > 0.5 * pose["body"].rover.mass * 9.80665
     assert pose["bridge"].contact_count.tolist() == [2, 1, 1, 1, 1, 1]

@@ -12,7 +12,7 @@ def test_on_planes_boxes_and_ellipsoids(name: str, size: float) -> None:
     rms = np.degrees(np.sqrt((found.angles**2).mean(axis=0)))
     assert rms.max() <= 0.02
     assert np.sqrt((found.z**2).mean()) <= 0.2e-3
-    assert found.share_of_rests >= 0.96, found.unlike
+    assert found.share_of_equilibria >= 0.96, found.unlike
 
 
 @pytest.mark.parametrize("name", ["elhami-dashti", "rocky7", "perseverance"])
@@ -31,4 +31,4 @@ def test_with_joints_at_limits_and_wheels_off_the_ground() -> None:
     assert found.lifted >= 5  # the terrain lifts wheels
     assert found.stopped >= 5
     assert np.degrees(np.sqrt((found.angles**2).mean(axis=0))).max() <= 0.05
-    assert found.share_of_rests >= 0.96, found.unlike
+    assert found.share_of_equilibria >= 0.96, found.unlike

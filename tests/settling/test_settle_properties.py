@@ -75,7 +75,7 @@ def test_reported_equilibria_are_equilibria(data: st.DataObject) -> None:
 def test_missing_data_does_not_change_poses(data: st.DataObject) -> None:
     """Poses beside missing data are correct for any heights there, or NaN."""
     rover = data.draw(rovers())
-    gappy = data.draw(terrains(rover, holes=True))
+    gappy = data.draw(terrains(rover, missing=True))
     if gappy.interpolation == "cubic":
         gappy = rb.Terrain.from_array(gappy.z, gappy.spacing, gappy.origin, "linear")
     _, places = draw_places(data, rover)

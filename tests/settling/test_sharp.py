@@ -35,14 +35,14 @@ def assert_right(case: Case, mode: str, counted: int = 0) -> int:
 @pytest.mark.parametrize("interpolation", ["cubic", "linear"])
 @pytest.mark.parametrize("family", FAMILIES)
 def test_poses_in_contact_are_right(family: str, interpolation: str) -> None:
-    given = [assert_right(draw_case(seed, family, interpolation, 40, holes=seed == 3), "contact", counted=1) for seed in SEEDS]
+    given = [assert_right(draw_case(seed, family, interpolation, 40, missing=seed == 3), "contact", counted=1) for seed in SEEDS]
     assert sum(given) > 20
 
 
 @pytest.mark.parametrize("interpolation", ["cubic", "linear"])
 @pytest.mark.parametrize("family", FAMILIES)
 def test_poses_at_rest_are_right(family: str, interpolation: str) -> None:
-    given = [assert_right(draw_case(seed, family, interpolation, 6, holes=seed == 3), "equilibrium") for seed in SEEDS]
+    given = [assert_right(draw_case(seed, family, interpolation, 6, missing=seed == 3), "equilibrium") for seed in SEEDS]
     assert sum(given) > 2
 
 
@@ -128,7 +128,7 @@ def test_spline_has_the_coefficients_drawn() -> None:
 @pytest.mark.parametrize("k", [14, 33])
 def test_missing_data_met_on_the_way_is_no_reason_to_refuse(k: int) -> None:
     """Some starts lead to poses over missing data, another one to a pose over known terrain."""
-    case = draw_case(107, "ripples", "cubic", 250, holes=True)
+    case = draw_case(107, "ripples", "cubic", 250, missing=True)
     pose = rb.settle(case.rover, case.terrain, case.x[k], case.y[k], case.yaw[k], steering=case.steering[k])
     assert pose.status == rb.Status.CONVERGED
     check = rb.verify(pose)
@@ -139,7 +139,7 @@ def test_missing_data_met_on_the_way_is_no_reason_to_refuse(k: int) -> None:
 @pytest.mark.parametrize("k", [92, 427])
 def test_pose_over_known_terrain_is_found_with_missing_data_bridged(k: int) -> None:
     """Each start that converges on the map itself leads to a pose over missing data."""
-    case = draw_case(1011, "plateaus", "linear", 500, holes=True)
+    case = draw_case(1011, "plateaus", "linear", 500, missing=True)
     place = {"yaw": case.yaw[k], "steering": case.steering[k]}
     pose = rb.settle(case.rover, case.terrain, case.x[k], case.y[k], **place)
     assert pose.status == rb.Status.CONVERGED

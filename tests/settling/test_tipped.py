@@ -86,7 +86,7 @@ def least_force(rover: rb.Rover, slope: float, yaw: float, q: np.ndarray) -> flo
     across = wheels.Y @ normal
     gap = wheels.hub @ normal - wheels.radius * np.sqrt(1 - across**2) - wheels.half * np.abs(across)
     gap = gap.reshape(12, 6) / normal[2]
-    height = oracle.mass_height(rover, oracle.stance(rover, zero, zero, heading, moved))
+    height = oracle.mass_height(rover, oracle.link_poses(rover, zero, zero, heading, moved))
     return float(np.linalg.solve((gap[:6] - gap[6:]).T, height[:6] - height[6:]).min())
 
 

@@ -206,10 +206,10 @@ def test_at_rest_on_rough_ground(name: str) -> None:
     assert np.degrees(rms[1:]).max() < 0.05
 
 
-def test_a_bogie_on_its_stop_leaves_a_wheel_hanging() -> None:
+def test_a_bogie_at_its_limit_leaves_a_wheel_off_the_ground() -> None:
     rover = rb.load_rover("rocky7").replace(bogie_limits=np.radians([-5.0, 5.0]))
-    hole = [{"type": "plane", "size": [0, 0, 1]}, {"type": "box", "size": [0.6, 0.5, 0.05], "pos": [0.63, 0, 0.05]}]
-    rest = DropTower(rover, hole).drop(0.0, 0.0, 0.0)  # the rear wheels down by 0.1 m from the step
+    step = [{"type": "plane", "size": [0, 0, 1]}, {"type": "box", "size": [0.6, 0.5, 0.05], "pos": [0.63, 0, 0.05]}]
+    rest = DropTower(rover, step).drop(0.0, 0.0, 0.0)  # the rear wheels are 0.1 m below the top of the step
     assert rest.at_rest
     assert list(rest.on_stop) == [False, True, True]
     assert list(np.flatnonzero(rest.lifted)) == [4, 5]

@@ -96,14 +96,14 @@ def test_commands_as_the_ground_asks_slip_less_than_equal_ones():
 
 
 def test_perseverance_sol_1590(data):
-    from perseverance_sol1590 import apart, read
+    from perseverance_sol1590 import difference, read
 
     rover, log = rb.load_rover("perseverance"), read(data("perseverance/sol01590_first60.csv"))
     soil = rb.SlopeSlip(0.57, 0.47)  # fitted on the first half of the way
     late = log.isel(time=slice(1600, None))
     start = tuple(float(late[k][0]) for k in "xyz")
     error = {
-        name: float(np.linalg.norm(apart(track, late)[-1]))
+        name: float(np.linalg.norm(difference(track, late)[-1]))
         for name, track in (
             ("flat", rb.flat_odometry(rover, late, start=start)),
             ("3-D", rb.odometry(rover, late, start=start)),

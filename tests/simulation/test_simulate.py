@@ -27,7 +27,7 @@ def apart(crossing: xr.Dataset) -> Comparison:
 
 @pytest.fixture(scope="module")
 def turning() -> xr.Dataset:
-    """Rocky 7 round a bend on the flat."""
+    """Return a run of Rocky 7 along an arc on level terrain."""
     return rb.simulate(rb.load_rover("rocky7"), FLAT, rb.Path.arc((0, 0), 0.2, 1.5, 0.8), 0.05)
 
 

@@ -1,4 +1,4 @@
-"""Faults of settled poses, told from certified brackets of every gap and of the clearance."""
+"""Faults of settled poses, found with certified brackets of every gap and of the clearance."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from support.sharp_grounds import Case
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: No tread point deeper than this in the ground, and each touching wheel within it, m.
+#: Largest depth of a tread point below the terrain, and largest gap of a wheel in contact, m.
 TOLERANCE = 1e-6
-#: `pose.gap` and `pose.clearance` agree with the brackets to this, m.
+#: Largest distance of `pose.gap` and `pose.clearance` from their brackets, m.
 AGREES = 1e-8
 LENGTHS = ("deep", "far", "gap", "clearance")  # faults that are lengths: `errors_of`
 FAULTS = ("deep", "far", "gap", "clearance", "belly", "lifted", "no data", "count")
@@ -25,23 +25,23 @@ FAULTS = ("deep", "far", "gap", "clearance", "belly", "lifted", "no data", "coun
 
 @dataclass
 class Bracket:
-    """Certified brackets: gap (n, 6), clearance (n,), tread over known ground (n, 6), bracket closed (n,)."""
+    """Certified brackets of poses (n,)."""
 
-    gap_low: Array
+    gap_low: Array  # (n, 6) m
     gap_high: Array
-    clearance_low: Array
+    clearance_low: Array  # (n,) m
     clearance_high: Array
-    known: Mask
-    complete: Mask  # or narrower than NARROW
+    known: Mask  # (n, 6) the tread lies over known terrain
+    complete: Mask  # (n,) the brackets are closed, or narrower than NARROW
 
 
-#: A bracket this narrow decides every fault but the last digits of `pose.gap`, m: its search may stop at its limit.
+#: A bracket narrower than this decides every fault but the last digits of `pose.gap`, m, even if its search ended early.
 NARROW = 1e-7
 SLACK = 1e-8  # width of the oracle's brackets, m
 
 
 def certify(pose: rb.Pose, truth: str = "") -> Bracket:
-    """Bracket gaps and clearance of poses (n,) by `truth`: "verify" (`rb.verify`) or "oracle"; by default verify if it exists."""
+    """Bracket gaps and clearance of poses (n,) by `rb.verify`; by the oracle if `truth` says so."""
     if truth == "oracle" or not hasattr(rb, "verify"):
         return certify_by_oracle(pose)
     v = rb.verify(pose)
@@ -51,10 +51,10 @@ def certify(pose: rb.Pose, truth: str = "") -> Bracket:
 
 
 def certify_by_oracle(pose: rb.Pose) -> Bracket:
-    """Bracket gaps and clearance of poses (n,) with the oracle, on the map with its missing nodes bridged.
+    """Bracket gaps and clearance of poses (n,) by the oracle, with missing nodes bridged.
 
-    Known cells of that map are those of the pose's own. Values that depend on missing data or reach past the map are NaN:
-    those with a sampled point there.
+    Bridging does not change known cells. A value is NaN if a sampled point of its tread or face lies over missing data or
+    off the map.
     """
     n = pose.status.size
     ground = oracle.Ground.of(filled(pose.terrain) if np.isnan(pose.terrain.z).any() else pose.terrain)
@@ -69,7 +69,7 @@ def certify_by_oracle(pose: rb.Pose) -> Bracket:
 
 
 def least(ground: oracle.Ground, wheels: oracle.Wheels) -> Array:
-    """Return the gap (m,) of treads or faces by the oracle; −inf where its brackets do not close."""
+    """Return the gap (m,) of treads or faces by the oracle, m; −inf where it is not bracketed."""
     m, run = len(wheels.radius), 1200
     out = np.full(m, -np.inf)
     for start in range(0, m, run):
@@ -86,9 +86,9 @@ def least(ground: oracle.Ground, wheels: oracle.Wheels) -> Array:
 
 
 def tread_known(pose: rb.Pose, grow: float = -1e-9) -> Mask:
-    """Return where no sampled point of a tread (n, 6), upper half included, lies over missing data or off the map.
+    """Return True (n, 6) where all sampled points of a tread lie over known terrain.
 
-    Treads are made larger by `grow`, m, so that a tread that ends on the border of an unknown cell is decided.
+    Treads are larger by `grow`, m, so that the test is decided for treads that end at the border of missing data.
     """
     n = pose.status.size
     if np.isfinite(pose.terrain.z).all() and np.isfinite(pose.gap).all():
@@ -101,14 +101,14 @@ def tread_known(pose: rb.Pose, grow: float = -1e-9) -> Mask:
 
 
 def box_known(pose: rb.Pose, faces: oracle.Faces) -> Mask:
-    """Return where no sampled point of the box's lower faces (n,) lies over missing data or off the map.
+    """Return True (n,) where all sampled points of the box's lower faces lie over known terrain.
 
-    If these points are known and those of faces 1e-6 m larger are not, `pose.clearance` may be NaN or not.
+    If this holds for the faces but not for faces 1e-6 m larger, both are right: then True if `pose.clearance` is not NaN.
     """
     n = pose.status.size
-    told = np.isfinite(pose.clearance)
-    if np.isfinite(pose.terrain.z).all() and told.all():
-        return told
+    reported = np.isfinite(pose.clearance)
+    if np.isfinite(pose.terrain.z).all() and reported.all():
+        return reported
     u, v = np.meshgrid(np.linspace(-1, 1, 201), np.linspace(-1, 1, 201))
 
     def known(grow: float) -> Mask:
@@ -116,7 +116,7 @@ def box_known(pose: rb.Pose, faces: oracle.Faces) -> Mask:
         return np.isfinite(sampled.over(pose.terrain.height, faces, a * u, b * v)).all(axis=(1, 2)).reshape(n, 3).all(axis=1)
 
     inner, outer = known(-1e-9), known(1e-6)
-    return np.where(inner == outer, inner, told)
+    return np.where(inner == outer, inner, reported)
 
 
 def some(pose: rb.Pose, at: NDArray[np.int64] | Mask) -> rb.Pose:
@@ -128,25 +128,25 @@ def some(pose: rb.Pose, at: NDArray[np.int64] | Mask) -> rb.Pose:
 
 @dataclass
 class Verdict:
-    """Outcome of one case: which poses (n,) were given, and what is wrong with them."""
+    """Outcome of one case: its poses with a result, and their faults."""
 
-    given: Mask
+    given: Mask  # (n,) the pose has a result
     bad: dict[str, Array]  # by fault, its size for each pose (n,): 0 if right, m where it is a length
     unproved: int  # brackets that did not close
-    worst: dict[str, float]  # by length, its largest value over the given poses, m, wrong or not: `errors_of`
+    worst: dict[str, float]  # by length, its largest value over all given poses, m: `errors_of`
 
 
 def judge(case: Case, mode: str, counted: int = 0, truth: str = "") -> tuple[rb.Pose, Verdict]:
-    """Settle a case and look for every fault.
+    """Settle a case and search its poses for every fault.
 
     Args:
         case: terrain, rover and positions (n,).
         mode: "contact" or "equilibrium".
-        counted: number of given poses, from the first on, whose contacts are counted.
-        truth: as `certify` takes it.
+        counted: number of given poses, the first ones, whose contacts are counted.
+        truth: see `certify`.
 
     Returns:
-        The poses (n,) and the verdict on them.
+        The poses (n,) and their verdict.
     """
     pose = case.settle(mode)
     given = np.isfinite(pose.z)
@@ -172,10 +172,11 @@ def judge(case: Case, mode: str, counted: int = 0, truth: str = "") -> tuple[rb.
 
 
 def errors_of(pose: rb.Pose, b: Bracket) -> dict[str, Array]:
-    """Return by name in LENGTHS how far each given pose (n,) is off, m, at least: 0 if a bracket allows 0, inf if one is NaN.
+    """Return, by name in LENGTHS, a lower bound of each pose's error (n,), m.
 
-    deep: depth of the deepest tread below the terrain; far: largest gap of a wheel that touches; gap and clearance: distance of
-    `pose.gap` and `pose.clearance` from their brackets.
+    It is 0 if a bracket contains 0 error, and inf if exactly one of value and bracket is NaN. deep: depth of the deepest tread
+    below the terrain. far: largest gap of a wheel in contact. gap, clearance: distance of `pose.gap` and
+    `pose.clearance` from their brackets.
     """
     return {
         "deep": np.fmax(np.where(np.isfinite(b.gap_high), -b.gap_high, 0.0), 0.0).max(axis=1),
@@ -186,14 +187,14 @@ def errors_of(pose: rb.Pose, b: Bracket) -> dict[str, Array]:
 
 
 def faults_of(pose: rb.Pose, b: Bracket) -> dict[str, Array]:
-    """Return by fault its size for each given pose (n,), m, 0 where the pose is right.
+    """Return, by fault, its size for each given pose (n,), m; 0 where the pose is right.
 
-    A value is wrong only if the whole bracket lies beyond the tolerance.
+    A value is wrong only if its whole bracket lies beyond the tolerance.
     """
     errors, lifted = errors_of(pose, b), pose.wheel_lifted
     limits = {"deep": TOLERANCE, "far": TOLERANCE, "gap": AGREES, "clearance": AGREES}
     out = {name: beyond(value, limits[name]) for name, value in errors.items()}
-    # A tread over missing data has no gap: such a pose must not be given.
+    # A tread over missing data has no gap: such a pose must not have a result.
     out["gap"] = np.where(b.known.all(axis=1), out["gap"], np.inf)
     if pose.report is not None:
         on_belly = pose.status == rb.Status.BELLY_CONTACT
@@ -208,7 +209,7 @@ def beyond(value: Array, limit: float) -> Array:
 
 
 def outside(value: Array, low: Array, high: Array) -> Array:
-    """Return the distance of `value` from [low, high]; 0 where both are NaN, inf where only one is."""
+    """Return the distance of `value` from [low, high]; 0 if both are NaN, inf if only one is."""
     with np.errstate(invalid="ignore"):
         off = np.fmax(np.fmax(low - value, value - high), 0.0)
     off = np.where(np.isnan(value) & np.isnan(high), 0.0, off)
@@ -216,27 +217,30 @@ def outside(value: Array, low: Array, high: Array) -> Array:
 
 
 def wrong_counts(pose: rb.Pose) -> Array:
-    """Return by how many contacts the worst wheel of each pose (n,) is off; ambiguous wheels are left out.
+    """Return the largest error (n,) of a contact count per pose, without ambiguous wheels.
 
     `sampled.contact_count` states the rule. If `pose.contact_count` is higher, denser sampling has to confirm it.
     """
-    told, seen = pose.contact_count, sampled.contact_count(pose)
-    again = np.flatnonzero(((seen >= 0) & (told > seen)).any(axis=1))
+    reported, seen = pose.contact_count, sampled.contact_count(pose)
+    again = np.flatnonzero(((seen >= 0) & (reported > seen)).any(axis=1))
     if again.size:
         seen[again] = sampled.contact_count(some(pose, again), per_cell=3 * sampled.PER_CELL)
-    return np.where(seen >= 0, abs(told - seen), 0).max(axis=1).astype(float)
+    return np.where(seen >= 0, abs(reported - seen), 0).max(axis=1).astype(float)
 
 
 def filled(terrain: rb.Terrain) -> rb.Terrain:
-    """Return the terrain with its missing nodes bridged as the spline bridges them: known cells stay as they are."""
+    """Return the terrain with missing nodes bridged as the spline does.
+
+    Known cells do not change.
+    """
     z = _bridged(terrain.z, np.isfinite(terrain.z))
     return rb.Terrain.from_array(z, terrain.spacing, terrain.origin, terrain.interpolation, name=terrain.name)
 
 
 def false_no_data(case: Case, pose: rb.Pose, mode: str, truth: str = "") -> Array:
-    """Return 1 where a pose (n,) is NO_DATA although the pose of the filled map is good on this map, else 0.
+    """Return 1 where a pose (n,) is NO_DATA although the filled map's pose is valid, else 0.
 
-    Good: all six treads, and at rest the body's box, lie over known ground, and each wheel that touches has gap 0 here.
+    It is valid if all six treads, in equilibrium also the body's box, lie over known terrain, and the gaps are 0 here.
     """
     out = np.zeros(pose.status.size)
     lost = np.flatnonzero(pose.status == rb.Status.NO_DATA)

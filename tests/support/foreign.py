@@ -1,6 +1,7 @@
-"""Robot descriptions in the manner of other people's, made from a rover that is known: so an import has a truth to meet.
+"""Robot files in the styles of other projects, generated from a known rover.
 
-Each takes a rover and gives the text of a file that describes it as such files do, with their habits and their faults.
+Each style is a function that takes a rover and returns the text of a URDF with the conventions and faults of such files. The
+result of an import is compared with the known rover.
 """
 
 from __future__ import annotations
@@ -21,13 +22,16 @@ EYE = np.eye(3)
 
 
 class Robot:
-    """A URDF in the making. Points are given in the rover's frame and written in the file's, which is turned by `turn`."""
+    """A URDF under construction.
+
+    Points are given in the rover's frame and written in the file's frame, which is rotated by `turn`.
+    """
 
     def __init__(self, name: str, turn: Array = EYE, digits: int = 12) -> None:
         self.name, self.turn, self.digits = name, turn, digits
         self.lines: list[str] = []
-        self.origin: dict[str, Array] = {}  # of each link, rover's frame
-        self.frame: dict[str, Array] = {}  # of each link, its rotation in the file's root frame
+        self.origin: dict[str, Array] = {}  # origin of each link in the rover's frame, m
+        self.frame: dict[str, Array] = {}  # rotation of each link in the file's root frame
 
     def words(self, values: Array) -> str:
         return " ".join(f"{float(v) + 0.0:.{self.digits}g}" for v in np.round(values, 14))
@@ -50,7 +54,7 @@ class Robot:
         self, name: str, kind: str, parent: str, child: str, at: Array, axis: Array | None = None, *,
         rpy: tuple[float, float, float] = (0, 0, 0), limit: str = "", **link: object,
     ) -> None:  # fmt: skip
-        """A joint at a point and about an axis of the rover's frame, and the link it carries."""
+        """Add a joint at a point and about an axis, both in the rover's frame, and its child link."""
         if child not in self.origin:
             self.link(child, **link)  # type: ignore[arg-type]
         x, y, z = (rotation_x(rpy[0]), rotation_y(rpy[1]), rotation_z(rpy[2]))
@@ -83,7 +87,10 @@ def cylinder(rover: rb.Rover, i: int, rpy: str, use: str = "collision") -> str:
 
 
 def add_mast_and_arm(robot: Robot, base: str, at: Array) -> None:
-    """What rovers carry besides: a mast that pans and tilts, and an arm of five hinges, two of them parallel to the axles."""
+    """Add a mast that pans and tilts, and an arm of five hinges.
+
+    Three hinges of the arm are parallel to the axles.
+    """
     robot.joint("mast_pan", "revolute", base, "mast", at, UP, limit=stop(np.array([-3.0, 3.0])), mass=5.0)
     robot.joint("mast_tilt", "revolute", "mast", "head", at + 0.3 * UP, LEFT, limit=stop(np.array([-1.0, 1.0])), mass=2.0)
     robot.joint("head_to_camera", "fixed", "head", "camera", at + 0.35 * UP)
@@ -95,13 +102,16 @@ def add_mast_and_arm(robot: Robot, base: str, at: Array) -> None:
 
 
 def rockers_fixed(rover: rb.Rover) -> str:
-    """As student rovers for ROS are: a footprint, rockers fixed through a chain of brackets, wheels that are meshes only."""
+    """Return a student rover for ROS.
+
+    A footprint link, rockers on chains of fixed brackets, wheels that are meshes only.
+    """
     robot = Robot("student_rover", digits=6)
     robot.root("base_footprint")
     robot.joint("base_joint", "fixed", "base_footprint", "base_link", 0.27 * UP, mass=10.0, shapes=MESH)
     for s, side in enumerate(SIDES):
         d = "LR"[s]
-        pivot, knee = rover.rocker_pivot[s], rover.bogie_pivot[s]
+        pivot, bogie_pivot = rover.rocker_pivot[s], rover.bogie_pivot[s]
         robot.joint(f"bracket_{d}", "fixed", "base_link", f"bracket_link_{d}", pivot + (-0.05, 0, 0.05), mass=0.1)
         robot.joint(f"turnbuckle_{d}", "fixed", f"bracket_link_{d}", f"turn_{d}", pivot + (0, 0, 0.02), LEFT, mass=1.0)
         robot.joint(
@@ -120,7 +130,7 @@ def rockers_fixed(rover: rb.Rover) -> str:
             "revolute",
             f"side_link_{d}_1",
             f"side_link_{d}_2",
-            knee,
+            bogie_pivot,
             LEFT,
             limit=stop(rover.bogie_limits),
             mass=3.0,
@@ -139,7 +149,10 @@ def rockers_fixed(rover: rb.Rover) -> str:
 
 
 def rockers_in_two_arms(rover: rb.Rover) -> str:
-    """As a well-known Mars rover for Gazebo is: turned a quarter, each rocker two arms hung on a tilted axis; mast and arm."""
+    """Return a Mars rover for Gazebo.
+
+    Forward is −y; each rocker is two arms on a tilted axis; it has a mast and an arm.
+    """
     quarter = rotation_z(-np.pi / 2)  # the rover's forward is the file's -y, its left the file's +x
     robot = Robot("two_armed", quarter)
     robot.root("base_footprint")
@@ -147,9 +160,9 @@ def rockers_in_two_arms(rover: rb.Rover) -> str:
     tilt = 0.19
     for s in (0, 1):
         d = "LR"[s]
-        pivot, knee = rover.rocker_pivot[s], rover.bogie_pivot[s]
-        lean = tilt if s else -tilt
-        robot.joint(f"axis_{d}", "fixed", "chassis", f"axis_link_{d}", pivot, rpy=(0, lean, 0), mass=7.3, shapes=MESH)
+        pivot, bogie_pivot = rover.rocker_pivot[s], rover.bogie_pivot[s]
+        turn = tilt if s else -tilt
+        robot.joint(f"axis_{d}", "fixed", "chassis", f"axis_link_{d}", pivot, rpy=(0, turn, 0), mass=7.3, shapes=MESH)
         axis = quarter.T @ robot.frame[f"axis_link_{d}"] @ np.array([1.0, 0, 0])
         for end in "FB":
             robot.joint(
@@ -162,9 +175,16 @@ def rockers_in_two_arms(rover: rb.Rover) -> str:
                 limit=stop(np.array([-0.4, 0.4])),
                 mass=7.3,
             )
-            robot.joint(f"back_{end}_{d}", "fixed", f"susp_{end}_{d}", f"level_{end}_{d}", pivot, rpy=(0, -lean, 0), mass=0.02)
+            robot.joint(f"back_{end}_{d}", "fixed", f"susp_{end}_{d}", f"level_{end}_{d}", pivot, rpy=(0, -turn, 0), mass=0.02)
         robot.joint(
-            f"bogie_{d}", "revolute", f"level_B_{d}", f"susp_B2_{d}", knee, LEFT, limit=stop(np.array([-1.2, 1.2])), mass=7.3
+            f"bogie_{d}",
+            "revolute",
+            f"level_B_{d}",
+            f"susp_B2_{d}",
+            bogie_pivot,
+            LEFT,
+            limit=stop(np.array([-1.2, 1.2])),
+            mass=7.3,
         )
         for i in (s, 2 + s, 4 + s):
             arm = f"level_F_{d}" if i < 2 else f"susp_B2_{d}"
@@ -190,7 +210,10 @@ def rockers_in_two_arms(rover: rb.Rover) -> str:
 
 
 def upside_down_and_weightless(rover: rb.Rover) -> str:
-    """As an operations model is: x forward, y right, z down, no masses, every joint revolute without end, rockers uncoupled."""
+    """Return an operations model.
+
+    x forward, y right, z down; no masses, no joint limits, rockers not coupled.
+    """
     robot = Robot("flight_model", np.diag([1.0, -1.0, -1.0]))
     robot.root("RNAV")
     endless = '<limit lower="-inf" upper="inf" effort="0" velocity="0"/>'
@@ -224,7 +247,10 @@ def upside_down_and_weightless(rover: rb.Rover) -> str:
 
 
 def bars_closed_elsewhere(rover: rb.Rover) -> str:
-    """As a maker's rover is: continuous rockers with limits that do not count, a brace, and turnbuckles closed in <gazebo>."""
+    """Return a hobby rover.
+
+    Continuous rockers with void limits, a brace, and turnbuckles whose loops are closed in <gazebo>.
+    """
     robot = Robot("maker_rover")
     box = '<collision><geometry><box size="0.425 0.285 0.093"/></geometry></collision>'
     robot.root("base_link", mass=0.01, shapes='<collision><geometry><box size="0.01 0.01 0.01"/></geometry></collision>')
@@ -277,8 +303,12 @@ def bars_closed_elsewhere(rover: rb.Rover) -> str:
 
 
 def drawn_in_cad(rover: rb.Rover) -> str:
-    """As a CAD exporter writes it: forward is +y, joints' frames lie on their sides, axes point either way, one-sided stops,
-    inertias no body can have, and no sizes at all."""
+    """Return a CAD export.
+
+    Forward is +y, joint frames are rotated, axes point either way, wheels have no sizes.
+
+    It has one-sided joint limits, and inertias that no body can have.
+    """
     quarter = rotation_z(np.pi / 2)  # the rover's forward is the file's +y
     robot = Robot("cad_rover", quarter)
     half = np.pi / 2
@@ -310,8 +340,12 @@ def drawn_in_cad(rover: rb.Rover) -> str:
 
 
 def legs_bolted_on(rover: rb.Rover) -> str:
-    """As a student's CAD rover is: rockers bolted to the body by joints laid on their sides, with an axis of no length;
-    a fixed motor before each wheel, wheels about x, a leg without mass, and no sizes."""
+    """Return a student's CAD rover.
+
+    Its rockers are fixed to the body by joints with an axis of length 0.
+
+    It has a fixed motor before each wheel, wheels that turn about x, a leg without mass, and no wheel sizes.
+    """
     robot = Robot("bolted_rover")
     half = np.pi / 2
     robot.root("base_link", mass=0.49, shapes=MESH)

@@ -1,4 +1,4 @@
-"""What the tests share."""
+"""Comparisons with tolerances, and rovers that several tests use."""
 
 from __future__ import annotations
 
@@ -9,14 +9,19 @@ import rockerbogie as rb
 
 
 def assert_close(actual: ArrayLike, expected: ArrayLike, tol: float, unit: str, reason: str) -> None:
-    """Every element of `actual` within `tol` (in `unit`) of `expected`; nan only where nan is expected.
+    """Assert that `actual` is within `tol` of `expected`, and NaN exactly where `expected` is.
 
-    `reason` says why the two should agree and why to that closeness.
+    Args:
+        actual: values (...).
+        expected: values of a shape that broadcasts with `actual`.
+        tol: largest difference allowed, in `unit`.
+        unit: unit of all values, for the message.
+        reason: reason why the two should agree, and why to that tolerance.
     """
     a, e = np.broadcast_arrays(np.asarray(actual, dtype=float), np.asarray(expected, dtype=float))
     assert a.size, f"nothing to compare: {reason}"
     lost = np.isnan(a) != np.isnan(e)
-    assert not lost.any(), f"nan at {np.argwhere(lost)[0].tolist()} in one and not the other ({lost.sum()} of {a.size}): {reason}"
+    assert not lost.any(), f"NaN at {np.argwhere(lost)[0].tolist()} in one and not the other ({lost.sum()} of {a.size}): {reason}"
     with np.errstate(invalid="ignore"):  # infinite on both sides is equal
         apart = np.where((a == e) | np.isnan(a), 0.0, np.abs(a - e))
     worst = np.unravel_index(apart.argmax(), apart.shape)
@@ -27,7 +32,7 @@ def assert_close(actual: ArrayLike, expected: ArrayLike, tol: float, unit: str, 
 
 
 def paper_rover() -> rb.Rover:
-    """The paper's rover, from Table I's constants; its rear wheels steer."""
+    """Return the paper's rover from the constants of its Table I; its rear wheels steer."""
     return rb.Rover.from_dh(
         K3=0.27, K4=0.29, K5=0.29, K6=0.2846, K7=0.245, K8=0.145, K9=np.radians(30.7), K10=0.10, K11=0.125,
         name="elhami-dashti", steers=(True, False, False),
@@ -35,7 +40,7 @@ def paper_rover() -> rb.Rover:
 
 
 def random_rover(rng: np.random.Generator, *, bogie_ahead: bool | None = None) -> rb.Rover:
-    """A rover nobody built: any size, unequal tracks, steering axes beside the hubs, bogie ahead or behind, any wheels."""
+    """Return a random rover: size, tracks, steering offsets, wheels, and bogie ahead or behind."""
     ahead = bool(rng.integers(2)) if bogie_ahead is None else bogie_ahead
     size = np.exp(rng.uniform(np.log(0.2), np.log(2.0)))
     forward = 1.0 if ahead else -1.0

@@ -113,7 +113,7 @@ def _is_row_argument(node: ast.FunctionDef, name: str) -> bool:
 
 
 def describe(rows: set[str]) -> str:
-    """Return rows in the order of the layout; a group of which all rows occur as "GROUP (all)"."""
+    """Return rows in the order of the layout; a group whose rows all occur is "GROUP (all)"."""
     words = sorted(row for row in rows if "." not in row)
     for name, group in GROUPS.items():
         found = [f"{name}.{field}" for field in group._fields if f"{name}.{field}" in rows]

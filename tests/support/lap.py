@@ -14,7 +14,7 @@ ROVER = rb.load_rover("osr")
 NAMES = list(ROVER.wheel_names)
 RADIUS, SPEED = 2.0, 0.1
 LAP_LENGTH = 2 * np.pi * RADIUS
-#: Pitch, rocker and bogies of this rover at rest on a plane, by `settle`; only logs with an IMU or suspension sensors use them.
+#: Pose of this rover on a plane, by `settle`; only logs with an IMU or suspension sensors use it.
 REST = rb.settle(ROVER, rb.surfaces.plane(), 0.0, 0.0, 0.0)
 
 
@@ -48,7 +48,7 @@ class Lap:
 
 
 def quaternion(roll: float, pitch: float, yaw: float) -> np.ndarray:
-    """Return x, y, z, w."""
+    """Return the quaternion x, y, z, w of R = Rz(yaw) Ry(pitch) Rx(roll)."""
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_quat()
@@ -75,7 +75,7 @@ def joint_message(stamp, names, position, velocity):
 
 
 def imu_message(stamp, q=(0, 0, 0, 1), w=(0, 0, 0), frame="base_link"):
-    """Return a sensor_msgs/Imu; `q` of None marks the orientation as not measured."""
+    """Return a sensor_msgs/Imu; `q` = None marks the orientation as not measured."""
     types = _store().types
     covariance = np.zeros(9)
     if q is None:

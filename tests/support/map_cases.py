@@ -1,4 +1,4 @@
-"""Maps made by hand, as `traversability` lays them out."""
+"""Maps with given values, in the layout of `traversability`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ ANGLES = ("tilt", "roll", "pitch", "rocker", "bogie_left", "bogie_right")
 
 
 def drawn_map(rng: np.random.Generator, headings: int, rows: int, cols: int, blocked: float = 0.3) -> xr.Dataset:
-    """A map of random numbers: a share of states beyond a limit, some cells unknown, cells of half a metre."""
+    """Return a map of random values, cells of 0.5 m.
+
+    A share `blocked` of its states is beyond a limit; some cells have no data.
+    """
     shape = (headings, rows, cols)
     tilt = rng.uniform(0, 0.5, shape)
     exceeded = np.where(rng.random(shape) < blocked, 1 << rng.integers(0, 7, shape), 0).astype(np.uint8)
@@ -23,7 +26,7 @@ def drawn_map(rng: np.random.Generator, headings: int, rows: int, cols: int, blo
 
 
 def map_of(exceeded: np.ndarray, tilt: np.ndarray, unknown: np.ndarray, rng: np.random.Generator) -> xr.Dataset:
-    """A map of given limits exceeded and tilts (heading, y, x); everything else random."""
+    """Return a map of given limits exceeded and tilts (heading, y, x); all else is random."""
     headings, rows, cols = exceeded.shape
     data = {name: np.where(unknown, np.nan, rng.uniform(-0.3, 0.3, exceeded.shape)) for name in ANGLES}
     data["tilt"] = np.where(unknown, np.nan, tilt)

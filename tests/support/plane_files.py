@@ -68,7 +68,7 @@ def write(path: Path, z: np.ndarray, transform: Any, crs: Any = UTM, driver: str
 
 
 def read(path: str | Path, **options: Any) -> rb.Terrain | rb.TerrainError:
-    """Return the terrain of a file, or the error that refuses it; warnings are not shown."""
+    """Return the terrain of a file, or the error that refuses it; warnings are suppressed."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:

@@ -1,4 +1,4 @@
-"""A small rover written by plain formatting in URDF, SDF and MJCF, for tests that change a few words of it.
+"""A small rover as text in URDF, SDF and MJCF, for tests that change a few words of it.
 
 Mass 35.8 kg: body 20, rockers 2, bogies 1.5, forks 0.4, wheels 1.2; wheel radius 0.11 m, width 0.09 m.
 """
@@ -15,7 +15,7 @@ Row = tuple[str, float, str, str, str, float, float, float, float]
 
 
 def rows() -> Iterator[Row]:
-    """Return the links and joints of both sides, parents first."""
+    """Yield the links and joints of both sides, parents first."""
     for s, k in (("l", 1.0), ("r", -1.0)):
         rocker, bogie = f"rocker_{s}_link", f"bogie_{s}_link"
         yield rocker, 2.0, "base", f"rocker_{s}", "pitch", 0.08, 0.2 * k, 0.0, 0.5
@@ -54,7 +54,10 @@ def urdf(body: str = BODY, wheel: str = WHEEL, extra: str = "") -> str:
 
 
 def sdf(version: str = "1.9", wheel_roll: float = 0.0, wheel_axis: str = "") -> str:
-    """Return the rover as SDF, every pose in the model's frame; `wheel_roll` turns the wheels' link frames (rad)."""
+    """Return the rover as SDF, poses in the model's frame.
+
+    `wheel_roll`, rad, rotates the wheels' link frames.
+    """
     inertia = "<inertia><ixx>0.02</ixx><iyy>0.02</iyy><izz>0.02</izz><ixy>0</ixy><ixz>0</ixz><iyz>0</iyz></inertia>"
     roll = float(QUARTER) - wheel_roll
     tyre = (

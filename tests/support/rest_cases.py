@@ -1,4 +1,4 @@
-"""Grounds and rovers on which settled poses are held against MuJoCo at rest, and the comparison itself."""
+"""Terrains and rovers for the comparison of equilibria with MuJoCo, and the comparison."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import numpy as np
 import rockerbogie as rb
 from support.rigid_drop import DropTower, Rest
 
-CELLS = 3200  # across a ground of solid shapes: so finely that bilinear ground stands for them within 0.03 mm
+CELLS = 3200  # across a terrain of solid shapes: bilinear interpolation is within 0.03 mm of them
 NUDGE = (1e-3, 1e-3, np.radians(0.1))  # m, m, rad
-SUNK = 0.6  # of a rock's half height lies below the plane
+SUNK = 0.6  # share of a rock's half height that lies below the plane
 
 
 @dataclass(frozen=True)
 class Ground:
-    """A terrain, and the geoms MuJoCo is given for it (None: the terrain itself as a height field)."""
+    """A terrain, and the same surface as MuJoCo geoms (None: a height field of the terrain)."""
 
     name: str
     terrain: rb.Terrain
@@ -26,10 +26,12 @@ class Ground:
 
 
 def solids(size: float, seed: int) -> Ground:
-    """A plane with boxes on it and ellipsoid rocks sunk into it, `size` m across; sizes grow with it.
+    """Return a plane with boxes and partly sunk ellipsoids, `size` m across.
 
-    Both sides are given the same surface: a height field's wall leans by one cell, so the boxes' walls do; and rocks
-    are sunk so far that their flanks are no steeper than 47 deg, lest the grid's steps make notches in them.
+    All lengths scale with `size`.
+
+    Both simulations use the same surface. A wall of a height field is inclined by one cell, and so are the walls of
+    the boxes. Ellipsoids are sunk until their flanks are at most 47 deg steep, so that grid steps do not notch them.
     """
     rng = np.random.default_rng(seed)
     cell = size / CELLS
@@ -44,7 +46,7 @@ def solids(size: float, seed: int) -> Ground:
         inside = 1 - ((x - at[0]) / half[0]) ** 2 - ((y - at[1]) / half[1]) ** 2
         z = np.maximum(z, high * (np.sqrt(np.maximum(inside, 0)) - SUNK))
         geoms.append({"type": "ellipsoid", "size": [*half, high], "pos": [*at, -SUNK * high]})
-    for _ in range(25):  # edges on grid lines, so that the sampled edge is the solid one
+    for _ in range(25):  # edges lie on grid lines, so that the sampled edge equals the solid one
         at = cell * np.round(rng.uniform(-0.45, 0.45, 2) * size / cell)
         half = cell * np.round(rng.uniform(0.01, 0.05, 2) * size / cell)
         height = rng.uniform(0.002, 0.012) * size
@@ -58,48 +60,48 @@ def solids(size: float, seed: int) -> Ground:
 
 
 def field(size: float, seed: int) -> Ground:
-    """A field of rocks by the size-frequency law, k = 10 %."""
+    """Return a field of rocks by the size-frequency law, k = 10 %, `size` m across."""
     terrain = rb.surfaces.rocks(0.1, seed, size=size, spacing=0.05, interpolation="linear")
     return Ground("rock field", terrain)
 
 
 def load(name: str) -> rb.Rover:
-    """A preset. MuJoCo has no wheel without width, so the paper's thin discs are given 5 cm, here and there alike."""
+    """Return a preset; discs get a width of 5 cm, because MuJoCo has no wheel without width."""
     rover = rb.load_rover(name)
     return rover if rover.wheel_width.any() else rover.replace(wheel_width=np.full(6, 0.05))
 
 
 def stiff(rover: rb.Rover) -> rb.Rover:
-    """The rover with close stops, so that joints come to rest on them and wheels hang."""
+    """Return the rover with close joint limits, so that joints reach them."""
     return rover.replace(rocker_limits=np.radians([-3.0, 3.0]), bogie_limits=np.radians([-5.0, 5.0]))
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """Differences where both are at rest with the same wheels lifted and the same stops reached; and the other poses."""
+    """Differences of poses that are alike in `settle` and MuJoCo, and counts of the others."""
 
-    z: np.ndarray  # (n,) m
-    angles: np.ndarray  # (n, 5) roll, pitch, rocker, bogies, rad
+    z: np.ndarray  # (n,) m, of poses that are alike
+    angles: np.ndarray  # (n, 5) roll, pitch, rocker, bogies, rad, of poses that are alike
     poses: int
-    lifted: int  # poses in which a wheel hangs
-    stopped: int  # poses in which a joint lies on a stop
-    marginal: int  # of the others: by a hair, or one that a nudge turns into the other's (`_is_marginal`)
-    held: int  # of the others: MuJoCo, started at our pose, stays there, so that both are rests
-    unlike: list[str]  # each pose that differs, in a line
+    lifted: int  # poses with a wheel off the ground in MuJoCo
+    stopped: int  # poses with a joint at its limit in MuJoCo
+    marginal: int  # poses that are not alike, but marginal (`_is_marginal`)
+    held: int  # poses that are not alike, but at which MuJoCo stays when it starts there: equilibria of both
+    unlike: list[str]  # one line for each pose that differs
 
     @property
     def share(self) -> float:
-        """Of the poses, how many have the same wheels lifted and stops reached when let down from above."""
+        """Share of poses that are alike when lowered from above."""
         return len(self.z) / self.poses
 
     @property
-    def share_of_rests(self) -> float:
-        """Of the poses, how many are rests of MuJoCo's too."""
+    def share_of_equilibria(self) -> float:
+        """Share of poses that are equilibria in MuJoCo too."""
         return (len(self.z) + self.held) / self.poses
 
 
 def compare(rover: rb.Rover, ground: Ground, poses: int, seed: int) -> Agreement:
-    """Settle by equilibrium and drop in MuJoCo at seeded places."""
+    """Settle in equilibrium mode and lower the rover in MuJoCo, at seeded positions."""
     rng = np.random.default_rng(seed)
     x0, y0, x1, y1 = ground.terrain.bounds
     edge = 1.2 * rover.wheelbase
@@ -122,22 +124,22 @@ def compare(rover: rb.Rover, ground: Ground, poses: int, seed: int) -> Agreement
             continue
         again = tower.drop(x[k], y[k], yaw[k], start=ours.q[k]) if np.isfinite(own.z) else None
         stays = again is not None and again.at_rest and _alike(again, own)
-        hair = _is_marginal(rover, ground.terrain, tower, (x[k], y[k], yaw[k]), rest, own)
+        marginal_pair = _is_marginal(rover, ground.terrain, tower, (x[k], y[k], yaw[k]), rest, own)
         held += stays
-        marginal += hair
+        marginal += marginal_pair
         unlike.append(
-            f"pose {k}: {rb.Status(int(ours.status[k])).name}, {'marginal' if hair else 'not marginal'}, "
-            f"{'holds' if stays else 'does not hold'} in MuJoCo; its own is "
+            f"pose {k}: {rb.Status(int(ours.status[k])).name}, {'marginal' if marginal_pair else 'not marginal'}, "
+            f"{'stays' if stays else 'does not stay'} in MuJoCo; MuJoCo's own pose is "
             f"{np.degrees(np.abs(_angles(rest) - _angles(own)).max()):.2f} deg and {1e3 * (rest.z - own.z):.2f} mm away, "
             f"lifted {rest.lifted.astype(int)} / {own.lifted.astype(int)}, "
-            f"stops {rest.on_stop.astype(int)} / {own.on_stop.astype(int)}, at rest {rest.at_rest}"
+            f"at limits {rest.on_stop.astype(int)} / {own.on_stop.astype(int)}, at rest {rest.at_rest}"
         )
     return Agreement(np.array(heights), np.array(angles), poses, lifted, stopped, marginal, held, unlike)
 
 
 @dataclass(frozen=True)
 class Own:
-    """Of a pose of ours what a `Rest` has too."""
+    """A pose of `settle` with the fields of `Rest`, and its gaps."""
 
     z: float
     roll: float
@@ -159,7 +161,7 @@ def _angles(rest: Rest | Own) -> np.ndarray:
 
 
 def _alike(one: Rest | Own, other: Rest | Own) -> bool:
-    """The same wheels in the air, the same stops reached, and no joint 2 deg elsewhere."""
+    """Return True if lifted wheels and limits are the same and angles differ by less than 2 deg."""
     same = np.array_equal(one.lifted, other.lifted) and np.array_equal(one.on_stop, other.on_stop)
     return bool(same and np.abs(_angles(one) - _angles(other)).max() < np.radians(2))
 
@@ -167,11 +169,11 @@ def _alike(one: Rest | Own, other: Rest | Own) -> bool:
 def _is_marginal(
     rover: rb.Rover, terrain: rb.Terrain, tower: DropTower, place: tuple[float, float, float], rest: Rest, own: Own
 ) -> bool:
-    """Whether two rests differ by a hair, or which of them it comes to hangs on one.
+    """Return True if two equilibria differ by rounding or by a small displacement only.
 
-    By a hair: the poses agree within 0.1 deg and 0.2 mm, and only whether a wheel within 0.2 mm of the ground touches, or a
-    joint within 0.1 deg of its stop lies on it, is told differently. Hanging on one: moved by 1 mm to any side or turned
-    by 0.1 deg to either, our rover comes to MuJoCo's rest or MuJoCo's to ours.
+    By rounding: they agree within 0.1 deg and 0.2 mm, and wheels that only one of them reports as lifted have gaps below
+    0.2 mm. By displacement: after a displacement of 1 mm or 0.1 deg, `settle` returns MuJoCo's equilibrium or MuJoCo
+    returns that of `settle`.
     """
     if np.isfinite(own.z) and np.abs(_angles(rest) - _angles(own)).max() < np.radians(0.1) and abs(rest.z - own.z) < 2e-4:
         return bool((own.gap[rest.lifted != own.lifted] < 2e-4).all())

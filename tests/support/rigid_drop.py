@@ -1,7 +1,7 @@
-"""The rover let down in MuJoCo with x, y and yaw held: an outside truth for settled poses.
+"""Equilibria in MuJoCo with x, y and yaw held: an independent reference for settled poses.
 
-The base has three joints only (up, pitch, roll), the wheels are braked, contacts have no friction: the rover comes to rest
-where its masses lie lowest. One `DropTower` serves many poses over one ground, which is a Terrain or a list of solid geoms.
+The base has three joints only (up, pitch, roll), wheels are braked and contacts have no friction, so that the rover
+ends at a minimum of its potential energy. One `DropTower` serves many poses over one terrain: a Terrain or solid geoms.
 """
 
 from __future__ import annotations
@@ -27,52 +27,52 @@ SHAPES = {
 JOINTS = ("z", "pitch", "roll", "rocker_left", "rocker_right", "bogie_left", "bogie_right")
 STOPPED = ("rocker_left", "bogie_left", "bogie_right")
 TIMESTEP = 0.004
-#: No friction, so contacts may be far stiffer than in a drive: they give way by some 1e-6 m.
+#: Contacts without friction may be stiffer than those of a drive: they yield by about 1e-6 m.
 SOLIMP = (0.99, 0.999, 0.001, 0.5, 2.0)
-#: Damping of each joint over its own inertia, 1/s: a hanging bogie comes to rest without swinging.
+#: Damping of each joint over its own inertia, 1/s: a bogie whose wheels are off the ground does not oscillate.
 DAMPING = 8.0
-#: Let down from this far above the ground, m; judged at rest over so many steps.
+#: Height above the terrain at which the rover is released, m; number of steps over which motion is averaged.
 CLEAR, BLOCK = 0.003, 10
-#: On the way down damping is so many times greater, lest it swings past a rest, until nothing moves by more than the second
-#: (rad, m) from one block of steps to the next, or for that many steps.
+#: While the rover is lowered, damping is SLOWLY times greater, so that it does not pass an equilibrium. This ends when no
+#: joint's mean changes by more than CALM (rad, m) between blocks, or after LONG steps.
 SLOWLY, CALM, LONG = 5.0, 2e-5, 1500
-SKY = 1e3  # m: rays that feel for the ground start here
-#: A wheel that bears less than this share of the weight hangs.
-HANGS = 1e-6
+SKY = 1e3  # m: height at which the rays that find the terrain start
+#: A wheel with less than this share of the weight is off the ground.
+LIFTED = 1e-6
 
 
 @dataclass(frozen=True)
 class Rest:
-    """One pose at rest, each number a mean over the last `BLOCK` steps; SI and radians."""
+    """One equilibrium: means over the last `BLOCK` steps, SI units and radians."""
 
     z: float
     roll: float
     pitch: float
     rocker: float
     bogie: np.ndarray  # (2,)
-    force: np.ndarray  # (6,) what bears each wheel, along the contact normals, N
-    body_force: float  # and the body's box, N
-    on_stop: np.ndarray  # (3,) left rocker, left bogie, right bogie rest on a stop
-    residual: float  # greatest change of a joint from one block to the next, rad or m
+    force: np.ndarray  # (6,) sum of each wheel's normal contact forces, N
+    body_force: float  # the same of the body's box, N
+    on_stop: np.ndarray  # (3,) True if the left rocker, left bogie or right bogie is at its limit
+    residual: float  # largest change of a joint between the last two blocks, rad or m
     steps: int
     weight: float  # N
 
     @property
     def lifted(self) -> np.ndarray:
-        """(6,) true where a wheel hangs."""
-        return self.force < HANGS * self.weight
+        """True (6,) where a wheel is off the ground."""
+        return self.force < LIFTED * self.weight
 
     @property
     def at_rest(self) -> bool:
-        """Whether it came to rest, right side up."""
+        """True if the rover has stopped and is upright."""
         return self.residual < 1e-5 and abs(self.roll) < np.pi / 2 and abs(self.pitch) < np.pi / 2
 
 
 class DropTower:
-    """A ground with a rover above it.
+    """A MuJoCo model of a rover above a terrain.
 
-    `ground` is a Terrain, laid as a height field of `cell` m (default `mjcf.default_cell`); or geoms, each a dict of `type`
-    (plane, box, ellipsoid), `size`, `pos` and `quat`.
+    `ground` is a Terrain, which becomes a height field with cells of `cell` m (default `default_cell`), or geoms, each a dict of
+    `type` (plane, box, ellipsoid, mesh), `size`, `pos`, `quat`, `vertices`.
     """
 
     def __init__(self, rover: Rover, ground: Terrain | Sequence[Mapping[str, Any]], *, cell: float | None = None) -> None:
@@ -97,7 +97,7 @@ class DropTower:
             spec.geom(name).condim, spec.geom(name).solimp = 1, SOLIMP
         self.rover = rover
         self.model = model = spec.compile()
-        # its several contacts for a pair of shapes have wrong normals where a wheel's rim lies on an edge of a block
+        # MuJoCo's multiple contacts of a pair of shapes have wrong normals if a wheel's rim lies on an edge of a block
         model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, "mjDSBL_MULTICCD", 0))
         self.data = data = mujoco.MjData(model)
         mujoco.mj_forward(model, data)
@@ -121,9 +121,10 @@ class DropTower:
         tolerance: float = 1e-6,
         most_steps: int = 3000,
     ) -> Rest:
-        """Let down at (x, y, yaw) until no joint's mean moves by `tolerance` (rad, m) from one block of steps to the next.
+        """Lower the rover at (x, y, yaw) until it is at rest.
 
-        From level, clear of the ground; or from `start` (z, roll, pitch, rocker, bogies), to see whether it holds there.
+        It is at rest if no joint's mean changes by more than `tolerance` (rad, m) between blocks of steps. It starts level and
+        above the terrain, or from `start` (z, roll, pitch, rocker, bogies), to test if it stays there.
         """
         model, data = self.model, self.data
         self._steer(steering)
@@ -141,7 +142,7 @@ class DropTower:
         return self._rest(mean, residual, slow + steps)
 
     def _run(self, damping: float, tolerance: float, most_steps: int) -> tuple[np.ndarray, float, int]:
-        """Means over the last block of steps, their greatest change since the one before, and the steps taken."""
+        """Return means over the last block of steps, their largest change, and the number of steps."""
         model, data = self.model, self.data
         model.dof_damping[:] = damping * self._damping
         mean, residual, steps = np.full(model.nq + 7, np.inf), np.inf, 0
@@ -156,15 +157,15 @@ class DropTower:
         return mean, residual, steps
 
     def _steer(self, steering: Sequence[float] | None) -> None:
-        """Turn the braked wheels about their steering axes, by where their bodies are fixed."""
+        """Turn the braked wheels about their steering axes, by the positions of their bodies."""
         T = wheel_frames(self.rover, 0.0, (0.0, 0.0), steering)
-        knee = np.where(ON_BOGIE[:, None], self.rover.bogie_pivot[WHEEL_SIDE], self.rover.rocker_pivot[WHEEL_SIDE])
+        parent_pivot = np.where(ON_BOGIE[:, None], self.rover.bogie_pivot[WHEEL_SIDE], self.rover.rocker_pivot[WHEEL_SIDE])
         half = np.zeros(6) if steering is None else np.asarray(steering, dtype=float) / 2
-        self.model.body_pos[self._wheels] = T[:, :3, 3] - knee
+        self.model.body_pos[self._wheels] = T[:, :3, 3] - parent_pivot
         self.model.body_quat[self._wheels] = np.stack([np.cos(half), 0 * half, 0 * half, np.sin(half)], axis=-1)
 
     def _clear_height(self) -> float:
-        """Height of the body at which its level box and wheels clear all ground below them."""
+        """Return the height at which the level body and wheels are CLEAR m above the terrain."""
         data, rover = self.data, self.rover
         points = []
         for i, body in enumerate(self._wheels):
@@ -183,7 +184,7 @@ class DropTower:
         return float((self._ground_height(p) - p[:, 2]).max()) + CLEAR
 
     def _ground_height(self, p: np.ndarray) -> np.ndarray:
-        """(n,) of the highest ground under points (n, 3), by rays from the sky."""
+        """Return the height (n,) of the terrain under points (n, 3), by rays from above, m."""
         ground_only = np.array([0, 1, 0, 0, 0, 0], dtype=np.uint8)
         hit, down = np.zeros(1, dtype=np.int32), np.array([0.0, 0.0, -1.0])
         far = np.array(
@@ -192,7 +193,7 @@ class DropTower:
         return np.where(far < 0, -np.inf, SKY - far)
 
     def _support(self) -> np.ndarray:
-        """(7,) what bears each wheel and the body's box at this step, N."""
+        """Return the sums of normal forces (7,) on each wheel and the body's box at this step, N."""
         contact = self.data.contact
         touches = (np.reshape(contact.geom, (-1, 2))[:, None, :] == self._geoms[:, None]).any(axis=-1)
         return self.data.efc_force[contact.efc_address] @ touches

@@ -1,4 +1,4 @@
-"""Upper bounds of gap and clearance by dense sampling and zooming: no search kernel is used."""
+"""Upper bounds of gap and clearance by dense sampling, without search kernels."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from support import oracle
 Array = NDArray[np.float64]
 Height = Callable[[Array, Array], Array]
 
-PER_CELL = 8.0  # samples along a cell
-MOST = (900, 120)  # samples of a tread around and across
+PER_CELL = 8.0  # samples per cell and axis
+MOST = (900, 120)  # largest number of samples of a tread, around and across
 MINIMA = 12  # local minima refined of each tread or face
-COUNTED = 60  # and where contacts are counted
-ZOOMS, FINE, SHRINK = 9, 9, 3.5
+COUNTED = 60  # the same, for counts of contacts
+ZOOMS, FINE, SHRINK = 9, 9, 3.5  # refinements of a minimum, samples per axis of each, factor of their spacings
 POINTS = 1 << 18  # points evaluated at once
 
 
 @dataclass
 class Minima:
-    """Local minima (m, MINIMA) of the height over ground of m treads or faces, lowest first; inf where there are fewer."""
+    """Local minima (m, MINIMA) of m treads or faces, lowest first; gap inf if there are fewer."""
 
-    gap: Array
+    gap: Array  # height over the terrain, m
     phi: Array
     s: Array
 
@@ -35,14 +35,14 @@ def local_minima(height: Height, wheels: oracle.Wheels, cell: float, per_cell: f
     """Sample every tread (m,) and refine its lowest local minima.
 
     Args:
-        height: z (...) of the ground at x, y (...), m; NaN where it is unknown.
+        height: z (...) of the terrain at x, y (...), m; NaN over missing data.
         wheels: treads or faces in the world.
         cell: smallest node spacing, m.
-        per_cell: samples along a cell.
+        per_cell: samples per cell and axis.
         most: minima kept of each tread.
 
     Returns:
-        The minima: each `gap` is the height of a point of the tread over the ground, NaN points left out.
+        The minima: each `gap` is the height of a tread point over the terrain; points over missing data are left out.
     """
     m = len(wheels.radius)
     out = Minima(np.full((m, most), np.inf), np.zeros((m, most)), np.zeros((m, most)))
@@ -103,7 +103,7 @@ def _search(
 
 
 def over(height: Height, w: oracle.Wheels, phi: Array, s: Array) -> Array:
-    """Return the height over ground of tread points (φ, s) (m, ...), m."""
+    """Return the height over the terrain of tread points (φ, s) (m, ...), m."""
     tail = (slice(None),) + (None,) * (phi.ndim - 1)
     if isinstance(w, oracle.Faces):
         p = [w.hub[:, k][tail] + phi * w.X[:, k][tail] + s * w.Y[:, k][tail] for k in range(3)]
@@ -131,10 +131,10 @@ def least_clearance(pose: rb.Pose, per_cell: float = PER_CELL) -> Array:
 
 
 def along_valleys(height: Height, w: oracle.Wheels, phi: Array, s: Array, dphi: float, ds: float) -> tuple[Array, Array, Array]:
-    """Refine minima (k,) of one tread where its gap has kinks: the least over s at each φ, then the least of these over φ.
+    """Refine minima (k,) of one tread on terrain with kinks: minimize over s, then over φ.
 
     Returns:
-        gap, φ and s (k,) of the points found within dphi, ds of those given.
+        gap (m), φ and s (k,) of points within dphi, ds of those given.
     """
     half, t = float(w.half[0]), np.linspace(-1, 1, 13)
     across = t if half > 0 else np.zeros(1)
@@ -161,17 +161,20 @@ def along_valleys(height: Height, w: oracle.Wheels, phi: Array, s: Array, dphi: 
 
 
 def contact_count(pose: rb.Pose, keep: float = 1e-6, per_cell: float = PER_CELL) -> NDArray[np.int64]:
-    """Return the number (n, 6) of separate places of each tread within `keep` of the ground; −1 where it is ambiguous.
+    """Return the number (n, 6) of separate contacts of each tread; −1 where it is ambiguous.
 
-    Two minima are one place if every point of the straight line between them in (φ, s) is within `keep`. A tread is
-    ambiguous if a minimum or the highest point of such a line lies between keep / 4 and 4 keep, if two separate minima
-    are nearer than 1 % of the radius, if it has more minima than the COUNTED that are refined, or if `pose.gap` is lower than
-    all of them by more than keep / 4: the sampling has then missed a minimum.
+    A contact is a minimum within `keep`, m, of the terrain. Two minima are one contact if every point of the line between
+    them in (φ, s) is within `keep`. A tread is ambiguous if
+
+    - a minimum or the highest point of such a line lies between keep / 4 and 4 keep,
+    - two separate minima are closer than 1 % of the radius,
+    - it has more minima than the COUNTED that are refined, or
+    - `pose.gap` is lower than all of them by more than keep / 4, so that the sampling has missed a minimum.
     """
     wheels, cell = oracle.stand(pose.rover, pose.x, pose.y, pose.yaw, pose.q, pose.steering), min(pose.terrain.spacing)
     found = local_minima(pose.terrain.height, wheels, cell, per_cell, COUNTED)
     out = np.zeros(len(wheels.radius), dtype=np.int64)
-    told = pose.gap.ravel()
+    reported = pose.gap.ravel()
     t = np.linspace(0, 1, 401)
     for k in range(len(out)):
         gap, phi, s, w = found.gap[k], found.phi[k], found.s[k], wheels.take([k])
@@ -179,7 +182,9 @@ def contact_count(pose: rb.Pose, keep: float = 1e-6, per_cell: float = PER_CELL)
             some = gap < np.inf
             gap, phi, s = along_valleys(pose.terrain.height, w, phi[some], s[some], 0.4 * cell / w.radius[0], 0.4 * cell)
         near = np.flatnonzero(gap < 4 * keep)
-        vague = np.isfinite(found.gap[k]).all() or (gap[near] > keep / 4).any() or gap.min(initial=np.inf) > told[k] + keep / 4
+        vague = (
+            np.isfinite(found.gap[k]).all() or (gap[near] > keep / 4).any() or gap.min(initial=np.inf) > reported[k] + keep / 4
+        )
         at = np.stack([phi[near], s[near]], -1)
         label = np.arange(len(near))
         for i in range(len(near)):

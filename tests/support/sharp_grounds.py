@@ -1,4 +1,4 @@
-"""Grounds as sharp as their grid allows, rovers and places on them, drawn from seeds."""
+"""Terrain as sharp as its grid allows, rovers and positions on it, drawn from seeds."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MOST_NODES = 320  # along one axis
 
 
 def spline_nodes(c: Array) -> Array:
-    """Return node heights (rows, cols) of the cubic spline with B-spline coefficients c (rows + 2, cols + 2).
+    """Return node heights (rows, cols) of the spline with coefficients c (rows + 2, cols + 2).
 
     The interpolating spline through these heights has about these coefficients, except near the edge of the map.
     """
@@ -29,7 +29,10 @@ def spline_nodes(c: Array) -> Array:
 
 
 def coefficients(rng: np.random.Generator, rows: int, cols: int) -> Array:
-    """Return heights (rows, cols) whose spline has random coefficients: Gaussian, two values, sparse or stacked peaks."""
+    """Return heights (rows, cols) whose spline has random coefficients.
+
+    They are Gaussian, of two values, sparse, or Cauchy distributed.
+    """
     shape = (rows + 2, cols + 2)
     which = rng.integers(4)
     if which == 0:
@@ -51,14 +54,17 @@ def nodes(rng: np.random.Generator, rows: int, cols: int) -> Array:
 
 
 def chequered(rng: np.random.Generator, rows: int, cols: int) -> Array:
-    """Return heights (rows, cols) that alternate from node to node along both axes or one, with or without noise."""
+    """Return heights (rows, cols) that alternate from node to node, some with noise.
+
+    They alternate along both axes or one.
+    """
     j, i = np.mgrid[:rows, :cols]
     z = [(i + j) % 2, i % 2, j % 2, (i // 2 + j // 2) % 2][rng.integers(4)].astype(float)
     return np.asarray(z + rng.choice([0.0, 1e-9, 0.01, 0.3]) * rng.random((rows, cols)))
 
 
 def ripples(rng: np.random.Generator, rows: int, cols: int) -> Array:
-    """Return heights (rows, cols) of one or two sine waves, 2.1 to 8 cells a wavelength, along the axes or not."""
+    """Return heights (rows, cols) of one or two sine waves with 2.1 to 8 cells per wavelength."""
     j, i = np.mgrid[:rows, :cols].astype(float)
     angles = [0.0, np.pi / 2] if rng.random() < 0.5 else rng.uniform(0, np.pi, rng.integers(1, 3))
     z = np.zeros((rows, cols))
@@ -69,7 +75,7 @@ def ripples(rng: np.random.Generator, rows: int, cols: int) -> Array:
 
 
 def ridges(rng: np.random.Generator, rows: int, cols: int) -> Array:
-    """Return heights (rows, cols) of parallel ridges or ditches of about a cell's width at any angle."""
+    """Return heights (rows, cols) of parallel ridges or ditches about one cell wide."""
     across = _across(rng, rows, cols)
     period, width = rng.uniform(3.0, 15.0), rng.uniform(0.4, 2.0)
     away = abs((across + rng.uniform(0, period)) % period - period / 2)
@@ -98,7 +104,10 @@ def noise(rng: np.random.Generator, rows: int, cols: int) -> Array:
 
 
 def _across(rng: np.random.Generator, rows: int, cols: int) -> Array:
-    """Return the distance (rows, cols), in nodes, from a straight line at any angle; along the grid in 1 case of 4."""
+    """Return the distance (rows, cols), in nodes, from a line.
+
+    Its angle is random, in 1 case of 4 along the grid.
+    """
     j, i = np.mgrid[:rows, :cols].astype(float)
     angle = rng.choice([0.0, np.pi / 2]) if rng.random() < 0.25 else rng.uniform(0, np.pi)
     return np.asarray(i * np.cos(angle) + j * np.sin(angle))
@@ -106,7 +115,7 @@ def _across(rng: np.random.Generator, rows: int, cols: int) -> Array:
 
 @dataclass
 class Case:
-    """One terrain, one rover and places (n,) on it; `seed` and `family` reproduce it."""
+    """One terrain, one rover and positions (n,) on it; `seed` and `family` reproduce it."""
 
     seed: int
     family: str
@@ -118,12 +127,12 @@ class Case:
     steering: Array  # (n, 6)
 
     def settle(self, mode: str = "contact", terrain: rb.Terrain | None = None) -> rb.Pose:
-        """Settle at every place, on this terrain or on another one of the same extent."""
+        """Settle at every position, on this terrain or on another one of the same extent."""
         return rb.settle(self.rover, terrain or self.terrain, self.x, self.y, self.yaw, steering=self.steering, mode=mode)
 
 
 def draw_rover(rng: np.random.Generator) -> rb.Rover:
-    """Return a preset or a rover nobody built: any size, thin or wide wheels, near or far joint limits."""
+    """Return a preset or a random rover with any size, wheel width and joint limits."""
     if rng.random() < 0.6:
         return rb.load_rover(str(rng.choice(PRESETS)))
     rover = random_rover(rng)
@@ -138,12 +147,12 @@ def draw_terrain(
     rng: np.random.Generator,
     rover: rb.Rover,
     interpolation: rb.terrain.Interpolation,
-    holes: bool = False,
+    missing: bool = False,
 ) -> rb.Terrain:
-    """Return ground of a family for a rover: cells of 1/40 to 4 wheel diameters, amplitudes up to a wheel radius or more.
+    """Return terrain of a family for a rover.
 
-    In 1 case of 4 cells are stretched by up to 10. In 1 case of 4 heights are offset by thousands of metres.
-    With `holes`, some nodes are NaN.
+    Cells are 1/40 to 4 wheel diameters wide, amplitudes up to 1.5 wheel radii or more. In 1 case of 4, cells are stretched by
+    up to 10; in 1 case of 4, heights are offset by thousands of metres. With `missing`, some nodes are NaN.
     """
     radius = float(rover.wheel_radius.max())
     size = reach(rover)
@@ -161,7 +170,7 @@ def draw_terrain(
         z += rng.normal(0, 0.15) * i * dx + rng.normal(0, 0.15) * j * dy
     if rng.random() < 0.25:
         z += rng.choice([-1.0, 1.0]) * rng.uniform(1e3, 9e3)
-    if holes:
+    if missing:
         for _ in range(rng.integers(1, 5)):
             row, col = rng.integers(0, rows), rng.integers(0, cols)
             tall, wide = rng.integers(1, 3 + rows // 10), rng.integers(1, 3 + cols // 10)
@@ -170,14 +179,17 @@ def draw_terrain(
 
 
 def reach(rover: rb.Rover) -> float:
-    """Return a distance from the body's origin, m, that holds every tread and the box with joints near 0."""
+    """Return a radius about the body's origin that contains all treads and the box, m."""
     wheels = np.hypot(*abs(rover.hubs[:, :2]).T) + rover.wheel_radius + rover.wheel_width
     box = np.hypot(*abs(rover.body_box[:, :2]).max(axis=0))
     return float(max(wheels.max(), box))
 
 
 def draw_places(rng: np.random.Generator, rover: rb.Rover, terrain: rb.Terrain, count: int) -> tuple[Array, Array, Array, Array]:
-    """Return x, y, yaw (count,) and steering (count, 6) with the rover on the map; 1 batch of 4 heads along the axes."""
+    """Return x, y, yaw (count,) and steering (count, 6), rover on the map.
+
+    In 15 % of the batches the rovers head along the axes; in 10 % they are on nodes.
+    """
     west, south, east, north = terrain.bounds
     size = reach(rover)
     x = rng.uniform(west + size, east - size, count)
@@ -194,9 +206,9 @@ def draw_places(rng: np.random.Generator, rover: rb.Rover, terrain: rb.Terrain, 
     return x, y, yaw, steering
 
 
-def draw_case(seed: int, family: str, interpolation: rb.terrain.Interpolation, count: int, holes: bool = False) -> Case:
+def draw_case(seed: int, family: str, interpolation: rb.terrain.Interpolation, count: int, missing: bool = False) -> Case:
     """Return the case of a seed: the same one for the same arguments."""
-    rng = np.random.default_rng([seed, FAMILIES.index(family), interpolation == "cubic", holes])
+    rng = np.random.default_rng([seed, FAMILIES.index(family), interpolation == "cubic", missing])
     rover = draw_rover(rng)
-    terrain = draw_terrain(family, rng, rover, interpolation, holes)
+    terrain = draw_terrain(family, rng, rover, interpolation, missing)
     return Case(seed, family, rover, terrain, *draw_places(rng, rover, terrain, count))

@@ -1,4 +1,4 @@
-"""Rovers nobody built and ground nobody would cross, for hypothesis and for seeded draws."""
+"""Random rovers and difficult terrain, as hypothesis strategies and from seeds."""
 
 from __future__ import annotations
 
@@ -18,7 +18,12 @@ BATCH_SHAPES = ((), (1,), (3, 1, 2, 1))
 
 
 def heights(kind: str, rng: np.random.Generator, rows: int, cols: int, size: float) -> Array:
-    """(rows, cols) of ground of a kind, made for a wheel of radius `size`: what stands up or is dug reaches to 3 radii."""
+    """Return heights (rows, cols) of a kind, m.
+
+    Steps, walls and ditches are up to 3 `size` high or deep.
+
+    `size` is the wheel's radius, m.
+    """
     z = np.zeros((rows, cols))
     j, i = np.mgrid[:rows, :cols].astype(float)
     angle = rng.choice([0.0, np.pi / 2, rng.uniform(0, 2 * np.pi)])
@@ -56,13 +61,16 @@ def heights(kind: str, rng: np.random.Generator, rows: int, cols: int, size: flo
 
 
 def terrain_around(
-    kind: str, rng: np.random.Generator, radius: float, cells: float, reach: float, interpolation: str, hole: bool = False
+    kind: str, rng: np.random.Generator, radius: float, cells: float, reach: float, interpolation: str, missing: bool = False
 ) -> rb.Terrain:
-    """Ground of a kind for `reach` metres round (0, 0), about `cells` cells to a wheel's radius, not quite square ones."""
+    """Return terrain of a kind to `reach` m from (0, 0), about `cells` cells per wheel radius.
+
+    Cells are not square. With `missing`, one rectangle of nodes is NaN.
+    """
     dx, dy = radius / cells * rng.uniform(0.6, 1.6, 2)
     cols, rows = (int(2 * reach / d) + 6 for d in (dx, dy))
     z = heights(kind, rng, rows, cols, radius)
-    if hole:
+    if missing:
         row, col = rng.integers(0, rows), rng.integers(0, cols)
         z[row : row + rows // 8 + 1, col : col + cols // 8 + 1] = np.nan
     return rb.Terrain.from_array(z, (dx, dy), (-dx * (cols - 1) / 2, -dy * (rows - 1) / 2), interpolation, name=kind)
@@ -70,7 +78,7 @@ def terrain_around(
 
 @st.composite
 def rovers(draw: st.DrawFn) -> rb.Rover:
-    """Bogie ahead or behind, unequal tracks, thin and wide wheels, tall and squat, stops far or near, any size."""
+    """Draw a rover with any size, tracks, wheels, joint limits, and bogie ahead or behind."""
     part = st.floats(0.0, 1.0)
 
     def between(low: float, high: float) -> float:
@@ -98,8 +106,8 @@ def rovers(draw: st.DrawFn) -> rb.Rover:
 
 
 @st.composite
-def terrains(draw: st.DrawFn, rover: rb.Rover, *, holes: bool = False) -> rb.Terrain:
-    """Ground made for a rover: linear or cubic, cells from a third of a wheel to many in one."""
+def terrains(draw: st.DrawFn, rover: rb.Rover, *, missing: bool = False) -> rb.Terrain:
+    """Draw terrain for a rover: bilinear or cubic, 0.4 to 6 cells per wheel radius."""
     return terrain_around(
         draw(st.sampled_from(GROUNDS)),
         np.random.default_rng(draw(st.integers(0, 2**32 - 1))),
@@ -107,5 +115,5 @@ def terrains(draw: st.DrawFn, rover: rb.Rover, *, holes: bool = False) -> rb.Ter
         draw(st.sampled_from([0.4, 1.0, 2.5, 6.0])),
         2.0 * float(np.abs(rover.hubs).max()) + 2.0 * float(rover.wheel_radius.max()),
         draw(st.sampled_from(["linear", "cubic"])),
-        hole=holes and draw(st.booleans()),
+        missing=missing and draw(st.booleans()),
     )

@@ -115,9 +115,9 @@ def test_rough_keeps_its_bounds_and_uses_them(seed: int, max_slope: float, min_r
     slope = ground.gradient(x, x[:, None])
     steepest = np.degrees(np.arctan(np.hypot(slope[..., 0], slope[..., 1]).max()))
     (xy, xx), (yy, _) = (np.gradient(slope[..., k], x[1] - x[0]) for k in (0, 1))
-    bend = (np.abs(xx + yy) / 2 + np.hypot((xx - yy) / 2, xy))[1:-1, 1:-1].max()
+    curvature = (np.abs(xx + yy) / 2 + np.hypot((xx - yy) / 2, xy))[1:-1, 1:-1].max()
     assert 0.85 * np.degrees(max_slope) < steepest <= np.degrees(max_slope)
-    assert min_radius <= 1 / bend < 1.4 * min_radius
+    assert min_radius <= 1 / curvature < 1.4 * min_radius
 
 
 def test_fractal_has_the_roughness_and_hurst_exponent_asked_for() -> None:

@@ -1,4 +1,4 @@
-"""Ground against scipy's interpolators, and at the bad places: rims, holes, far origins."""
+"""Terrain, compared with SciPy's interpolators; map edges, missing data and far origins."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ KINDS = ("cubic", "linear")
 
 
 def rough(seed: int, rows: int = 14, cols: int = 19) -> np.ndarray:
-    """Heights with a relief of about a metre and no smoothness at all."""
+    """Return white noise with a standard deviation of 0.5 m."""
     return np.random.default_rng(seed).normal(0.0, 0.5, (rows, cols))
 
 
 def anywhere(terrain: rb.Terrain, n: int = 500, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n,) all over the map, its four corners and some nodes among them."""
+    """Return points x, y (n,) on the map, among them its four corners and some nodes."""
     rng = np.random.default_rng(seed)
     x0, y0, x1, y1 = terrain.bounds
     x, y = rng.uniform(x0, x1, n), rng.uniform(y0, y1, n)
@@ -150,7 +150,7 @@ def test_a_far_origin_costs_only_the_last_digits_of_the_place(kind: Any, origin:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("spacing", "origin"), [(0.1, 0.0), (0.1, 0.3), (0.02, 8e6), (1 / 3, -1e5 / 7), (1.0, 4_141_909.3)])
-def test_the_rim_belongs_to_the_map(kind: Any, spacing: float, origin: float) -> None:
+def test_the_edge_belongs_to_the_map(kind: Any, spacing: float, origin: float) -> None:
     terrain = rb.Terrain.from_array(rough(9), spacing, (origin, -origin), kind)
     x0, y0, x1, y1 = terrain.bounds
     assert np.isfinite(terrain.height([x0, x0, x1, x1], [y0, y1, y0, y1])).all()
@@ -164,31 +164,31 @@ def test_the_rim_belongs_to_the_map(kind: Any, spacing: float, origin: float) ->
 
 @pytest.mark.nojit
 @pytest.mark.parametrize(("kind", "reach"), [("cubic", 2), ("linear", 1)])
-def test_unknown_nodes_make_the_cells_that_lean_on_them_unknown(kind: Any, reach: int) -> None:
+def test_cells_that_depend_on_missing_nodes_are_missing(kind: Any, reach: int) -> None:
     z = rough(10)
-    holes = [(6, 8), (0, 0), (13, 17)]
-    for hole in holes:
-        z[hole] = np.nan
+    missing = [(6, 8), (0, 0), (13, 17)]
+    for node in missing:
+        z[node] = np.nan
     terrain = rb.Terrain.from_array(z, 0.5, interpolation=kind)
     for row in range(13):
         for col in range(18):
             h = terrain.height(0.5 * (col + 0.4), 0.5 * (row + 0.7))
-            leans = any(col - reach < c <= col + reach and row - reach < r <= row + reach for r, c in holes)
-            assert np.isnan(h) == leans, f"cell {row, col}"
+            depends = any(col - reach < c <= col + reach and row - reach < r <= row + reach for r, c in missing)
+            assert np.isnan(h) == depends, f"cell {row, col}"
 
 
-def test_a_hole_is_forgotten_a_few_cells_away() -> None:
+def test_the_effect_of_missing_nodes_falls_by_0_27_per_cell() -> None:
     z = rough(11, 40, 40)
     whole = rb.Terrain.from_array(z, 1.0)
     z[18:21, 18:21] = np.nan
-    holed = rb.Terrain.from_array(z, 1.0)
-    x, y = np.meshgrid(holed.x, holed.y)
-    known = np.isfinite(holed.height(x, y))
-    assert_close(holed.height(x, y)[known], z[known], 1e-12, "m", "known nodes keep their heights")
+    gappy = rb.Terrain.from_array(z, 1.0)
+    x, y = np.meshgrid(gappy.x, gappy.y)
+    known = np.isfinite(gappy.height(x, y))
+    assert_close(gappy.height(x, y)[known], z[known], 1e-12, "m", "known nodes keep their heights")
     relief = np.ptp(z[np.isfinite(z)])
     for cells in (4, 8, 12):
         at = np.linspace(20 + cells, 21 + cells, 20)
-        assert_close(holed.height(at, 19.3), whole.height(at, 19.3), relief * 0.27 ** (cells - 1), "m", "0.27 for each cell away")
+        assert_close(gappy.height(at, 19.3), whole.height(at, 19.3), relief * 0.27 ** (cells - 1), "m", "0.27 for each cell away")
 
 
 @pytest.mark.parametrize("shape", [(), (1,), (3, 1, 2)])
@@ -201,7 +201,7 @@ def test_any_batch_shape(shape: tuple[int, ...]) -> None:
     assert terrain.height(np.zeros((4, 1)), np.zeros(3)).shape == (4, 3)
 
 
-def test_the_array_given_is_not_touched_and_the_terrain_keeps_its_own() -> None:
+def test_the_given_array_is_copied() -> None:
     z = rough(13)
     before = z.copy()
     terrain = rb.Terrain.from_array(z, 0.5)
@@ -254,12 +254,12 @@ def test_the_array_given_is_not_touched_and_the_terrain_keeps_its_own() -> None:
         ({"z": [[1.0, 2.0], [3.0]]}, "heights must be an array of numbers"),
     ],
 )
-def test_what_is_not_ground_is_refused(arguments: dict[str, Any], sentence: str) -> None:
+def test_invalid_arguments_are_refused(arguments: dict[str, Any], sentence: str) -> None:
     with pytest.raises(rb.TerrainError, match=sentence):
         rb.Terrain.from_array(**{"z": np.zeros((6, 6)), "spacing": 0.1, **arguments})
 
 
-def test_what_a_mask_hides_is_unknown_ground() -> None:
+def test_masked_heights_are_missing_data() -> None:
     z = np.ma.masked_equal(np.where(np.arange(2500).reshape(50, 50) % 50 > 25, -9999.0, 0.0), -9999.0)
     terrain = rb.Terrain.from_array(z, 0.1, interpolation="linear")
     assert np.isnan(terrain.height(4.0, 2.0))
@@ -324,7 +324,7 @@ def test_an_extreme_height_far_away_does_not_move_a_pose(interpolation: Any) -> 
 
 
 def reference(z: np.ndarray, band: int) -> float:
-    """Reference height of a map taken in by bands of so many rows."""
+    """Return the reference height of a map that is read in bands of `band` rows, m."""
     datum = Datum("z", z.shape, (1.0, 1.0), (0.0, 0.0))  # type: ignore[arg-type]
     for row in range(0, len(z), band):
         datum.add(row, z[row : row + band])
