@@ -41,7 +41,6 @@ REMAINING: dict[str, dict[str, int]] = {
         "src/rockerbogie/simulation": 2,
     },
     "retired word": {
-        "docs": 4,
         "src/rockerbogie/_kernels": 19,
     },
     "Args and Returns": {
