@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import importlib
 from collections.abc import Iterable
 
 
@@ -40,6 +41,29 @@ def expect(value: object, kind: type, name: str, remedy: str) -> None:
     """
     if not isinstance(value, kind):
         raise RockerbogieError(f"{name} is {value!r:.60}, not a {kind.__name__}: {remedy}")
+
+
+def require(purpose: str, extra: str, *modules: str, error: type[RockerbogieError] = RockerbogieError) -> None:
+    """Check that the packages of an optional extra can be imported.
+
+    Args:
+        purpose: subject of the message, such as "reading a raster".
+        extra: name of the extra in pyproject.toml.
+        modules: modules to import, such as "rasterio".
+        error: class of the error.
+
+    Raises:
+        RockerbogieError: a package is missing, or is installed and cannot be loaded.
+    """
+    for module in modules:
+        try:
+            importlib.import_module(module)
+        except ModuleNotFoundError:
+            package = module.partition(".")[0]
+            raise error(f"{purpose} needs {package}: pip install 'rockerbogie[{extra}]'") from None
+        except ImportError as fault:
+            reason = " ".join(str(fault).split())
+            raise error(f"{purpose} needs {module}, which is installed but cannot be loaded: {reason}") from None
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:

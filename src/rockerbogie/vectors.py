@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import RockerbogieError
+from .errors import RockerbogieError, require
 
 #: Endings of files that are read as vectors.
 ENDINGS = (".gpkg", ".geojson", ".json", ".shp", ".fgb", ".kml", ".gml", ".gpx", ".dxf", ".sqlite", ".geojsonl")
-_NEEDED = "vector files need pyogrio and shapely: pip install 'rockerbogie[geo]'"
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,13 +126,17 @@ def write_features(
         raise RockerbogieError(f"cannot write {str(file)!r}: {_short(error)}") from None
 
 
+def require_vectors() -> None:
+    """Raise if the libraries for vector files are not installed."""
+    require("a vector file", "geo", "pyogrio", "shapely")
+
+
 def _libraries() -> tuple[Any, Any]:
-    try:
-        import pyogrio
-        import pyogrio.raw
-        import shapely
-    except ImportError:
-        raise RockerbogieError(_NEEDED) from None
+    require_vectors()
+    import pyogrio
+    import pyogrio.raw
+    import shapely
+
     return pyogrio, shapely
 
 

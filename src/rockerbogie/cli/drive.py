@@ -11,9 +11,11 @@ from cyclopts import Parameter
 from rich import box
 from rich.console import Console
 from rich.markup import escape
+from rich.progress import Progress, TaskID
 from rich.table import Table
 
 from ..errors import PathError, RockerbogieError
+from ..logs.bag import require_rosbags
 from ..motion.drive import drive as drive_rover
 from ..motion.drive import to_csv
 from ..motion.path import Path
@@ -115,12 +117,11 @@ def drive(
         Print the summary as JSON (SI units, radians) instead of the table.
     """
     written = in_folder(output, *_files("run"), *(("run.mcap",) if mcap else ()))
-    if film is not None:
-        if film.suffix.lower() not in (".gif", ".mp4"):
-            raise RockerbogieError(f"--film {str(film)!r} is no film: end it in .gif or .mp4")
-        written.append(film)
-    if mcap and output is None:
-        raise RockerbogieError("--mcap writes run.mcap into a folder: give one with -o")
+    written += _checked_film(film)
+    if mcap:
+        if output is None:
+            raise RockerbogieError("--mcap writes run.mcap into a folder: give one with -o")
+        require_rosbags()
     guard_outputs(written, terrain, rover, path, force=force)
     machine = load_rover(rover)
     ground = load_terrain(terrain, linear, raster)
@@ -136,13 +137,7 @@ def drive(
 
             write_mcap(machine, run, output / "run.mcap", force=force)
             files.append(output / "run.mcap")
-        if film is not None:
-            from ..figures.film import write_film
-
-            bar.update(task, description="filming")
-            make_folder(film.parent)
-            told = lambda done, total: bar.update(task, completed=done, total=total)  # noqa: E731
-            files.append(write_film(film, machine, ground, run, progress=told))
+        files += _write_film(machine, ground, run, film, bar, task)
     summary = _summary(run)
     if json:
         print_json(summary | {"files": files})
@@ -164,6 +159,7 @@ def simulate(
     linear: Linear = None,
     raster: Raster = None,
     output: Folder = None,
+    film: FilePath | None = None,
     force: Force = False,
     json: Json = False,
 ) -> int:
@@ -194,12 +190,14 @@ def simulate(
         Bilinear or smooth cubic terrain between the nodes. Default: cubic for files.
     output
         Folder for pictures and data.
+    film
+        Write a film of the simulated drive: .gif, or .mp4 (needs the film extra).
     force
         Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
         Print the comparison as JSON (SI units, radians) instead of the table.
     """
-    written = in_folder(output, *_files("simulation"), "attitude.png", "joints.png")
+    written = in_folder(output, *_files("simulation"), "attitude.png", "joints.png") + _checked_film(film)
     guard_outputs(written, terrain, rover, path, force=force)
     machine = load_rover(rover)
     ground = load_terrain(terrain, linear, raster)
@@ -221,6 +219,9 @@ def simulate(
         drawn = figures_7_to_9(machine)
         for name, figure in (("attitude.png", "figure7"), ("joints.png", "figure8")):
             files.append(save(angles_figure(*drawn[figure], run, sim, beside, {}), output / name))
+    if film is not None:
+        with progress() as bar:
+            files += _write_film(machine, ground, sim, film, bar, bar.add_task("filming", total=None))
     short = float(sim.attrs["short_of_end"])
     motors = {name: float(sim.attrs[name]) for name in MOTORS}
     summary = _summary(sim) | {"short_of_end": short} | motors
@@ -291,7 +292,7 @@ def _path(text: str | None, radius: float, rover: Rover, terrain: Terrain) -> Pa
     if text is not None:
         return Path.waypoints([parse_point(part, "--path") for part in text.split()], radius)
     xmin, ymin, xmax, ymax = terrain.bounds
-    reach = 1.05 * (np.abs(rover.hubs[:, 0]) + rover.wheel_radius).max()
+    reach = 1.05 * (np.hypot(rover.hubs[:, 0], rover.hubs[:, 2]) + rover.wheel_radius).max()  # at any pitch
     if xmax - xmin <= 2 * reach:
         raise PathError(
             f"the map is {xmax - xmin:g} m long, too short for rover {rover.name!r}, reaching {reach:.3g} m: give more terrain"
@@ -338,6 +339,29 @@ def _write_run(rover: Rover, terrain: Terrain, run: xr.Dataset, output: FilePath
         title = f"{rover.name} on {terrain.name}, worst: {worst.reason}"
         save(pose_figure(rover, terrain, run.isel(time=worst.station), title), folder / "worst.png")
     return in_folder(folder, *_files(name))
+
+
+def _checked_film(film: FilePath | None) -> list[FilePath]:
+    """Return the film among the files to write, after a check of its name and libraries."""
+    if film is None:
+        return []
+    from ..figures.film import check_film
+
+    check_film(film)
+    return [film]
+
+
+def _write_film(
+    rover: Rover, terrain: Terrain, run: xr.Dataset, film: FilePath | None, bar: Progress, task: TaskID
+) -> list[FilePath]:
+    """Write a film of a run; return the file, or no file if `film` is None."""
+    if film is None:
+        return []
+    from ..figures.film import write_film
+
+    bar.update(task, description="filming")
+    make_folder(film.parent)
+    return [write_film(film, rover, terrain, run, progress=lambda done, total: bar.update(task, completed=done, total=total))]
 
 
 def _summary(run: xr.Dataset) -> dict[str, Any]:

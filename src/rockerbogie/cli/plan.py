@@ -17,6 +17,7 @@ from ..maps.preview import overview
 from ..motion.path_files import Route
 from ..motion.route_package import read_line
 from ..rover.formats import load_rover
+from ..vectors import require_vectors
 from .common import Force, Json, guard_outputs, make_folder, print_json, progress
 from .rasters import Raster, RasterOptions, raster_or_surface
 
@@ -110,6 +111,8 @@ def plan(
     """
     if output is not None and output.suffix.lower() not in WRITERS:
         raise RockerbogieError(f"{str(output)!r} names no kind of route: end it in .gpkg, .csv or .geojson")
+    if output is not None and output.suffix.lower() == ".gpkg":
+        require_vectors()
     if reach is not None:
         check_place(reach)
     picture = None if output is None or not preview else output.with_suffix(".png")

@@ -12,7 +12,7 @@ from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 from PIL import Image
 
-from ..errors import RockerbogieError
+from ..errors import RockerbogieError, require
 from ..outputs import SOURCE
 from ..rover.model import Rover
 from ..terrain.heightfield import Terrain
@@ -72,8 +72,7 @@ def write_film(
         RockerbogieError: another ending, no pose in the run, PyAV not installed.
     """
     path = Path(file)
-    if path.suffix.lower() not in ENDINGS:
-        raise RockerbogieError(f"{str(file)!r} is no film: end it in {' or '.join(ENDINGS)}")
+    check_film(path)
     if not (frames >= 2 and rate > 0):
         raise RockerbogieError(f"frames is {frames} and rate {rate}: give at least 2 pictures, and a rate above 0 per second")
     known = np.flatnonzero(np.isfinite(run["z"].values))
@@ -83,6 +82,21 @@ def write_film(
     pictures = _pictures(rover, terrain, run, at, view, bounds, tracks, progress)
     (_write_gif if path.suffix.lower() == ".gif" else _write_mp4)(path, pictures, rate)
     return path
+
+
+def check_film(file: Path) -> None:
+    """Check that a film can be written.
+
+    Args:
+        file: its name.
+
+    Raises:
+        RockerbogieError: an unknown ending; PyAV not installed (.mp4).
+    """
+    if file.suffix.lower() not in ENDINGS:
+        raise RockerbogieError(f"{str(file)!r} is no film: end it in {' or '.join(ENDINGS)}")
+    if file.suffix.lower() == ".mp4":
+        require("an .mp4 film (.gif needs nothing more)", "film", "av")
 
 
 def _pictures(
@@ -158,11 +172,9 @@ def _write_gif(path: Path, pictures: Iterator[Picture], rate: float) -> None:
 
 
 def _write_mp4(path: Path, pictures: Iterator[Picture], rate: float) -> None:
-    try:
-        import av
-    except ImportError:
-        raise RockerbogieError("writing .mp4 needs PyAV: pip install 'rockerbogie[film]'; .gif needs nothing more") from None
     from fractions import Fraction
+
+    import av
 
     with av.open(str(path), "w") as container:
         container.metadata["comment"] = SOURCE

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
-from ..errors import RockerbogieError
+from ..errors import RockerbogieError, require
 from .channels import LogReport
 from .stamps import drop_duplicates, order_stamps
 
@@ -88,6 +88,11 @@ class Topic:
         return [k for k, signature in enumerate(self.signatures) if signature not in dropped]
 
 
+def require_rosbags() -> None:
+    """Raise if the rosbags library is not installed."""
+    require("a ROS bag", "ros", "rosbags")
+
+
 def read_topics(path: Path, report: LogReport) -> tuple[dict[str, Topic], dict[str, str]]:
     """Read joint states, IMU and odometry from a bag of ROS 2 or ROS 1.
 
@@ -103,13 +108,12 @@ def read_topics(path: Path, report: LogReport) -> tuple[dict[str, Topic], dict[s
     Raises:
         RockerbogieError: rosbags is not installed, or the bag cannot be read.
     """
-    try:
-        from rosbags.rosbag1 import ReaderError as Reader1Error
-        from rosbags.rosbag2 import ReaderError
-        from rosbags.serde import SerdeError
-        from rosbags.typesys import TypesysError
-    except ImportError:
-        raise RockerbogieError("ROS bags need the rosbags library: pip install 'rockerbogie[ros]'") from None
+    require_rosbags()
+    from rosbags.rosbag1 import ReaderError as Reader1Error
+    from rosbags.rosbag2 import ReaderError
+    from rosbags.serde import SerdeError
+    from rosbags.typesys import TypesysError
+
     topics: dict[str, Topic] = {}
     kinds: dict[str, str] = {}
     try:

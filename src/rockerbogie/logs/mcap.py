@@ -17,7 +17,7 @@ from ..rotations import body_transform
 from ..rover.formats import to_urdf
 from ..rover.formats.export_tree import tree_of
 from ..rover.model import LOAD_ROVER, Rover
-from .bag import IMU, JOINT_STATE, ODOMETRY
+from .bag import IMU, JOINT_STATE, ODOMETRY, require_rosbags
 from .channels import ATTITUDE, seconds_of
 
 if TYPE_CHECKING:
@@ -287,7 +287,5 @@ class _Rosbags:
 
 
 def _rosbags() -> _Rosbags:
-    try:
-        return _Rosbags()
-    except ImportError:
-        raise RockerbogieError("ROS 2 bags need the rosbags library: pip install 'rockerbogie[ros]'") from None
+    require_rosbags()
+    return _Rosbags()

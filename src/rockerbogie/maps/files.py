@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import RockerbogieError, expect
+from ..errors import RockerbogieError, expect, require
 from ..outputs import check_outputs, remove_sidecars
 from .layers import LAYERS, REACH
 
@@ -98,8 +98,16 @@ def write_map(
 
 
 def check_place(path: Path) -> None:
-    """Raise if a map cannot be written: unknown ending, or a folder of something else."""
+    """Check that a map can be written.
+
+    Raises:
+        RockerbogieError: an unknown ending, a folder of something else, rasterio (.tif) or zarr (.zarr) not installed.
+    """
     _check_ending(path)
+    if path.suffix.lower() == ".zarr":
+        require("a .zarr file", "scale", "zarr", "dask")
+    elif path.suffix.lower() != ".nc":
+        require("a GeoTIFF", "geo", "rasterio")
     if path.is_dir() and not _is_zarr(path):
         raise RockerbogieError(f"{str(path)!r} is a folder and no map: give another name")
 
@@ -125,14 +133,14 @@ def read_map(file: str | Path) -> xr.Dataset:
         raise RockerbogieError(f"no map at {str(file)!r}")
     if path.suffix.lower() in (".tif", ".tiff"):
         return _read_geotiff(path)
+    if path.suffix.lower() == ".zarr":
+        require("a .zarr file", "scale", "zarr", "dask")
     maps: xr.Dataset
     try:
         if path.suffix.lower() == ".zarr":
             maps = xr.open_zarr(path, chunks=None, consolidated=False)
         else:
             maps = xr.open_dataset(path, engine="h5netcdf")
-    except ImportError as error:
-        raise RockerbogieError(f"reading {path.suffix} needs more packages ({error}): pip install 'rockerbogie[scale]'") from None
     except (OSError, ValueError, KeyError) as error:
         raise RockerbogieError(f"{str(file)!r} cannot be read as {path.suffix}: {' '.join(str(error).split())}") from None
     if not (LAYERS.keys() | REACH.keys()) & set(maps.data_vars):
@@ -309,10 +317,6 @@ def _read_geotiff(path: Path) -> xr.Dataset:
 
 
 def _write_zarr(maps: xr.Dataset, path: Path) -> None:
-    try:
-        import zarr  # noqa: F401
-    except ImportError:
-        raise RockerbogieError("writing .zarr needs zarr: pip install 'rockerbogie[scale]'") from None
     sizes = _blocks(maps)
     maps = maps.chunk({dim: min(side, maps.sizes[dim]) for dim, side in BLOCK.items()}) if maps.chunks else maps.copy()
     for variable in maps.variables.values():
@@ -360,8 +364,7 @@ def _json(value: Any) -> str:
 
 
 def _rasterio() -> Any:
-    try:
-        import rasterio
-    except ImportError:
-        raise RockerbogieError("GeoTIFF needs rasterio: pip install 'rockerbogie[geo]'") from None
+    require("a GeoTIFF", "geo", "rasterio")
+    import rasterio
+
     return rasterio

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import RockerbogieError
+from ..errors import RockerbogieError, require
 from ..vectors import Features, is_vector, read_features
 from .files import cell_size, crs_of, transform
 
@@ -155,12 +155,11 @@ def _values(maps: xr.Dataset, layer: Any, what: str, *, greatest: bool) -> Array
         if values.shape != shape:
             raise RockerbogieError(f"the {what} layer has shape {values.shape}; the map has {shape} cells (y, x)")
         return values
-    try:
-        import rasterio
-        from rasterio.crs import CRS
-        from rasterio.warp import Resampling, reproject
-    except ImportError:
-        raise RockerbogieError(f"a {what} layer from a file needs rasterio: pip install 'rockerbogie[geo]'") from None
+    require(f"a {what} layer from a file", "geo", "rasterio")
+    import rasterio
+    from rasterio.crs import CRS
+    from rasterio.warp import Resampling, reproject
+
     ours = crs_of(maps)
     try:
         with warnings.catch_warnings(), rasterio.open(layer) as raster:

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._kernels.jit.parallel import threads
-from ..errors import RockerbogieError
+from ..errors import RockerbogieError, require
 from .cells import Tile
 from .layers import LAYERS
-from .store import NEEDS, NUMERICS, Store
+from .store import NUMERICS, Store
 from .tile import Job
 from .windows import TerrainWindows
 
@@ -238,11 +238,10 @@ def _remote(job: Job, windows: TerrainWindows, chunk: list[Tile], store: Path, e
 @contextmanager
 def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     """Yield a Dask client; without a scheduler, start a cluster on this machine."""
-    try:
-        import dask
-        from distributed import Client, LocalCluster
-    except ImportError:
-        raise RockerbogieError(f"making a map on several processes {NEEDS}") from None
+    require("making a map on several processes", "scale", "dask", "distributed")
+    import dask
+    from distributed import Client, LocalCluster
+
     if scheduler is not None:
         try:
             client = Client(scheduler, timeout=PATIENCE)

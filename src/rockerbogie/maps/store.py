@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._version import __version__
-from ..errors import RockerbogieError
+from ..errors import RockerbogieError, require
 from .cells import TILE, Tile
 from .ground import Ground
 from .layers import LAYERS, chosen_layers
@@ -30,7 +30,6 @@ from .tile import HEADINGS, Job
 #: Version of the numbers in a map: raised by 1 with every change of kernels, splines, windows, limits or summaries that changes a
 #: map's values. Unfinished maps of another version are not continued. A test holds known maps against it.
 NUMERICS = 1
-NEEDS = "needs zarr and dask: pip install 'rockerbogie[scale]'"
 
 
 @dataclass(frozen=True)
@@ -42,7 +41,7 @@ class Store:
     @cached_property
     def arrays(self) -> dict[str, Any]:
         """The layers, open for writing."""
-        zarr = import_zarr("a map on disk")
+        zarr = import_zarr()
         group = zarr.open_group(self.path / "map.zarr", mode="r+")
         return {name: group[name] for name in group.array_keys()}
 
@@ -74,7 +73,7 @@ def open_store(path: Path, job: Job, made_from: dict[str, Any]) -> Store:
         RockerbogieError: zarr is not installed; the folder is something else, or a map made from something else; it
             cannot be written.
     """
-    import_zarr("a map on disk")
+    import_zarr()
     store = Store(path)
     record = path / "made_from.json"
     try:
@@ -163,7 +162,7 @@ def _told(before: Any, now: Any) -> str:
 
 def _lay_out(path: Path, job: Job) -> None:
     """Make the layers, blank."""
-    zarr = import_zarr("a map on disk")
+    zarr = import_zarr()
     group = zarr.create_group(path)
     for name in chosen_layers(job.layers):
         layer = LAYERS[name]
@@ -189,10 +188,9 @@ def read(store: Store, lazily: bool) -> dict[str, Any]:
     return {name: da.from_zarr(str(store.path / "map.zarr"), component=name) for name in store.arrays}
 
 
-def import_zarr(purpose: str) -> Any:
-    """The zarr package, or a sentence on how to come by it."""
-    try:
-        import zarr
-    except ImportError:
-        raise RockerbogieError(f"{purpose} {NEEDS}") from None
+def import_zarr() -> Any:
+    """Return the zarr package; raise if it is not installed."""
+    require("a map on disk", "scale", "zarr", "dask")
+    import zarr
+
     return zarr

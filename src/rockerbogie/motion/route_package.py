@@ -13,7 +13,7 @@ from ..arrays import Array
 from ..errors import PathError
 from ..outputs import SOURCE, check_outputs
 from ..rotations import wrap_angle
-from ..vectors import layers_of, read_features, write_features
+from ..vectors import layers_of, read_features, require_vectors, write_features
 
 #: Layers: a line to each goal, a line for each straight stretch, the poses as points.
 ROUTE, LEGS, POSES = "route", "legs", "poses"
@@ -60,6 +60,7 @@ def write_route_package(route: RouteFields, file: str | Path, *, force: bool = F
         RockerbogieError: pyogrio not installed, an unknown CRS, a file that cannot be written.
     """
     check_outputs([file], force=force)
+    require_vectors()
     import shapely
 
     last = np.append(np.flatnonzero(np.diff(route.goal)), len(route.x) - 1)  # the last pose on the way to each goal
@@ -87,6 +88,7 @@ def read_line(file: str | Path) -> tuple[Array, Array | None]:
         RockerbogieError: a file that cannot be read.
         PathError: areas in place of lines and points, or longitude and latitude.
     """
+    require_vectors()
     import shapely
 
     layers = layers_of(file)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import TerrainError, TerrainWarning
+from ..errors import TerrainError, TerrainWarning, require
 from .georeference import Georeference, check_scale, georeference, refuse_angles, unit_length, warp
 from .missing import HUGE, Screening
 from .window import check_grid
@@ -297,12 +297,11 @@ def short_name(source: str) -> str:
 
 @contextmanager
 def _opened(source: str) -> Iterator[Any]:
-    """Open a file, and raise rasterio's errors as TerrainError."""
-    try:
-        import rasterio
-        from rasterio.errors import NotGeoreferencedWarning
-    except ImportError:
-        raise TerrainError("reading a raster needs rasterio: pip install 'rockerbogie[geo]'") from None
+    """Open a file, and raise rasterio\'s errors as TerrainError."""
+    require("reading a raster", "geo", "rasterio", error=TerrainError)
+    import rasterio
+    from rasterio.errors import NotGeoreferencedWarning
+
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", NotGeoreferencedWarning)  # `open_raster` raises an error for it

@@ -21,7 +21,7 @@ ENDINGS = (".stl", ".obj", ".ply", ".off", ".dae", ".glb", ".gltf")
 MAX_BYTES = 200_000_000
 #: Folders above the robot file that are searched for `package://` and `model://`.
 MOST_FOLDERS = 8
-INSTALL = "install rockerbogie[robots] (trimesh) to read meshes"
+INSTALL = "reading meshes needs trimesh: pip install 'rockerbogie[robots]'"
 
 
 @dataclass(frozen=True)

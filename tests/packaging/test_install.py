@@ -1,0 +1,143 @@
+"""Installs from a built wheel and from an sdist, in clean environments without extras.
+
+The tests need the network for the package's dependencies; without it they are skipped. Compiled kernels are read from the
+checkout's own cache: its key is the contents of the kernel sources, so that this also checks that they are installed unchanged.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tomllib
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rockerbogie as rb
+from rockerbogie._kernels.jit.cache import cache_folders
+from support import probe
+
+ROOT = Path(__file__).resolve().parents[2]
+PLACE = (1.0, 2.0, 0.3)
+SETTLE = f"""
+import rockerbogie as rb
+pose = rb.settle(rb.load_rover("curiosity"), rb.surfaces.mars(seed=1), *{PLACE})
+print(rb.__file__, pose.z.item().hex(), pose.pitch.item().hex())
+"""
+#: Extra -> commands that need it; `{film}` and so on are files of the test. Each must end at once, before any work.
+NEEDED = {
+    "geo": (
+        "settle -t dem.tif",
+        "drive -t surface:plane --path route.gpkg",
+        "map surface:mars -o map.tif",
+        "plan map.tif --start 0 0 --goal 1 1",
+        "plan map.nc --start 0 0 --reach reach.tif",
+        "plan map.nc --start 0 0 --goal 1 1 --keep-out area.geojson",
+        "plan map.nc --start 0 0 --goal 1 1 -o route.gpkg",
+    ),
+    "film": ("drive -t surface:plane --film drive.mp4", "simulate -t surface:plane --film drive.mp4"),
+    "ros": ("odometry log.mcap -r curiosity", "odometry log.db3 -r curiosity", "drive -t surface:plane -o out --mcap"),
+    "scale": ("map surface:mars -o map.zarr", "map surface:mars -o map.nc --workers 2", "plan map.zarr --start 0 0 --goal 1 1"),
+    "robots": ("settle -t surface:plane -r mesh.urdf",),
+}
+STL = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\n"
+
+
+def run(*command: str | Path, check: bool = True, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run a command without the checkout on its path."""
+    clean = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "NUMBA", "VIRTUAL_ENV"))}
+    done = subprocess.run(
+        [str(part) for part in command],
+        check=False,
+        capture_output=True,
+        text=True,
+        env=clean | environment,
+        stdin=subprocess.DEVNULL,
+        timeout=300,
+    )
+    assert done.returncode == 0 or not check, f"{command}: {done.stdout[-2000:]}{done.stderr[-2000:]}"
+    return done
+
+
+def make_environment(folder: Path) -> Path:
+    """Return the Python of a new virtual environment."""
+    run(sys.executable, "-m", "venv", folder)
+    return folder / ("Scripts" if os.name == "nt" else "bin") / "python"
+
+
+def skip_without_network(python: Path, folder: Path) -> None:
+    """Skip the test if pip finds no package index."""
+    found = run(python, "-m", "pip", "download", "-q", "--no-deps", "-d", folder, "mdurl", check=False)
+    if found.returncode:
+        pytest.skip(f"pip finds no packages here: {' '.join(found.stderr.split())[-200:]}")
+
+
+def build(python: Path, kind: str, folder: Path) -> Path:
+    """Build a distribution of the checkout, "wheel" or "sdist"; return its file."""
+    requires = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["build-system"]["requires"]
+    run(python, "-m", "pip", "install", "-q", *requires)
+    target = folder / "dist"
+    subprocess.run([python, "-m", "hatchling", "-q", "build", "-t", kind, "-d", target], cwd=ROOT, check=True, timeout=120)
+    (file,) = target.iterdir()
+    return file
+
+
+def files_of(package: Path) -> set[str]:
+    """Return the relative paths of a package's files, without caches."""
+    return {str(file.relative_to(package)) for file in package.rglob("*") if file.is_file() and "__pycache__" not in file.parts}
+
+
+@pytest.mark.parametrize("kind", ["wheel", "sdist"])
+def test_installed_package_settles_and_names_missing_extras(kind: str, tmp_path: Path) -> None:
+    tools, python = (make_environment(tmp_path / name) for name in ("tools", "clean"))
+    skip_without_network(tools, tmp_path / "downloaded")
+    built = build(tools, kind, tmp_path)
+    same = [f"{name}=={version(name)}" for name in ("numba", "llvmlite")]  # of the kernels in the cache
+    run(python, "-m", "pip", "install", "-q", "--no-compile", built, *same)
+
+    cache, work = str(cache_folders()[-1].parent), tmp_path / "work"
+    work.mkdir()
+    done = run(python, "-c", SETTLE, NUMBA_CACHE_DIR=cache)
+    file, z, pitch = done.stdout.split()
+    package = Path(file).parent
+    assert package.is_relative_to(tmp_path / "clean"), "the installed package is imported, not the checkout"
+    assert files_of(package) == files_of(ROOT / "src" / "rockerbogie"), "every file of the package is installed"
+    here = rb.settle(rb.load_rover("curiosity"), rb.surfaces.mars(seed=1), *PLACE)
+    np.testing.assert_array_equal([float.fromhex(z), float.fromhex(pitch)], [here.z, here.pitch])
+
+    def cli(line: str) -> subprocess.CompletedProcess[str]:
+        command, environment = [python.with_name("rockerbogie"), *line.split()], os.environ | {"NUMBA_CACHE_DIR": cache}
+        return subprocess.run(command, check=False, cwd=work, capture_output=True, text=True, timeout=60, env=environment)
+
+    told = cli("--help")
+    assert told.returncode == 0
+    assert "settle" in told.stdout
+    assert cli("--version").stdout.strip() == version("rockerbogie")
+    settled = cli("settle -t surface:mars --at 1,2")
+    assert settled.returncode == 0, settled.stderr
+    assert "pitch" in settled.stdout
+    if kind == "sdist":
+        return  # the same files: extras are tried once
+
+    for name in ("dem.tif", "route.gpkg", "map.tif", "area.geojson", "log.mcap", "log.db3"):
+        (work / name).write_bytes(b"x")
+    (work / "part.stl").write_text(STL)
+    (work / "mesh.urdf").write_text(probe.urdf(body='<collision><geometry><mesh filename="part.stl"/></geometry></collision>'))
+    (work / "map.zarr").mkdir()
+    (work / "map.zarr" / "zarr.json").write_text("{}")
+    assert cli("map surface:plane -o map.nc --headings 1 --resolution 2").returncode == 0, "NetCDF needs no extra"
+    before = files_of(work)
+    for extra, lines in NEEDED.items():
+        for line in lines:
+            done = cli(line)
+            sentence = [text for text in done.stderr.splitlines() if "pip install" in text]
+            assert len(sentence) == 1, f"{line}: {done.stderr}{done.stdout}"
+            assert f"pip install 'rockerbogie[{extra}]'" in sentence[0], line
+            assert "Traceback" not in done.stderr, line
+            if extra != "robots":  # without the mesh there is still a rover
+                assert done.returncode == 2, f"{line}: {done.returncode}"
+                assert len(done.stderr.splitlines()) == 1, f"{line}: {done.stderr}"
+    assert files_of(work) == before, "no output was begun"
