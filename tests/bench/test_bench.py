@@ -14,7 +14,7 @@ from rockerbogie.cli import main
 GROWTH = {"poses": "poses", "nodes": "nodes", "cells": "radius_over_cell"}
 
 
-def test_a_case_is_timed_beside_other_ways_on_the_same_places() -> None:
+def test_a_case_is_timed_beside_baselines_at_the_same_positions() -> None:
     case = bench.cases()[0]
     result = bench.run_case(case, poses=200, baseline_poses=2, drops=1)
     assert result.settled == 1.0
@@ -31,14 +31,14 @@ def test_a_case_is_timed_beside_other_ways_on_the_same_places() -> None:
     assert result.poses_per_s == pytest.approx(1e6 / result.us)
 
 
-def test_every_case_settles_nearly_everywhere() -> None:
+def test_every_case_settles_at_nearly_all_positions() -> None:
     for case in bench.cases():
         x, y, yaw = bench.places(case, 100)
         status = rb.settle(case.rover, case.terrain, x, y, yaw).status
         assert (np.isin(status, (0, 3))).mean() >= 0.97, case.name
 
 
-def test_a_raster_is_one_more_case_and_its_holes_are_no_place(tmp_path) -> None:
+def test_a_raster_is_one_more_case_without_positions_over_missing_data(tmp_path) -> None:
     rasterio = pytest.importorskip("rasterio", reason="rasterio writes the raster")
     z = np.zeros((60, 80), dtype="float32")
     z[:, 40:] = np.nan
@@ -54,7 +54,7 @@ def test_a_raster_is_one_more_case_and_its_holes_are_no_place(tmp_path) -> None:
     assert np.isfinite(case.terrain.height(x, y)).all()
 
 
-def test_a_drop_that_does_not_rest_is_no_time(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_simulated_drop_that_does_not_come_to_rest_gives_no_time(monkeypatch: pytest.MonkeyPatch) -> None:
     case = bench.cases()[0]
     x, y, yaw = bench.places(case, 1)
     monkeypatch.setattr(baselines, "MOST_BLOCKS", 1)
@@ -63,14 +63,14 @@ def test_a_drop_that_does_not_rest_is_no_time(monkeypatch: pytest.MonkeyPatch) -
     assert drop.solved == 0
 
 
-def test_pinocchio_without_its_calls_is_quicker_than_with_them() -> None:
+def test_pinocchio_without_its_call_cost_is_faster_than_with_it() -> None:
     pytest.importorskip("pinocchio", reason="Pinocchio (pin) is what Jacobians are timed against; it is not installed")
     found = baselines.pinocchio_seconds(rb.load_rover("elhami-dashti"), 200, 5)
     assert found is not None
     assert 0 < found[0] < found[1]
 
 
-def test_memory_is_what_a_pose_is_made_of() -> None:
+def test_memory_is_the_size_of_the_pose_arrays() -> None:
     found = costs.memory(40_000)
     assert found["kept_mb"] == pytest.approx(49, abs=3), "six numbers and a status"
     assert found["kept_mb"] <= found["peak_mb"] < 100
@@ -91,7 +91,7 @@ def figures() -> dict:
     }  # fmt: skip
 
 
-def test_figures_are_plain_json_and_make_tables(figures: dict, tmp_path) -> None:
+def test_results_are_json_and_format_as_tables(figures: dict, tmp_path) -> None:
     again = json.loads(json.dumps(figures))
     made = tables(again, {"smooth cubic, thin disc": 12.0})
     assert made[0].rows[0][0] == "smooth cubic, thin disc"
@@ -103,7 +103,7 @@ def test_figures_are_plain_json_and_make_tables(figures: dict, tmp_path) -> None
         assert len({line.count("|") for line in lines[2:]}) == 1
 
 
-def test_a_baseline_that_fails_is_not_a_ratio(figures: dict) -> None:
+def test_a_baseline_that_fails_gives_no_ratio(figures: dict) -> None:
     case = {**figures["cases"][0], "baseline_solved": {"hub": 1.0, "point": 0.4, "coarse": 1.0, "rim": 0.0, "mujoco": 1.0}}
     row = dict(zip((made := tables({**figures, "cases": [case]})[2]).headings, made.rows[0], strict=True))
     assert row["point"].endswith("*")
@@ -118,7 +118,7 @@ def test_a_foreign_file_to_compare_with_is_refused(content: str, tmp_path, capsy
     assert "was not written by" in capsys.readouterr().err
 
 
-def test_figures_that_mean_something_else_are_not_compared(figures: dict, tmp_path, capsys) -> None:
+def test_results_of_another_schema_are_not_compared(figures: dict, tmp_path, capsys) -> None:
     file = tmp_path / "old.json"
     file.write_text(json.dumps({**figures, "schema": bench.SCHEMA - 1}))
     assert main(["bench", "--compare", str(file)]) == 2
@@ -135,7 +135,7 @@ def test_too_few_poses_are_refused(capsys) -> None:
     assert "--poses is 3" in capsys.readouterr().err
 
 
-def test_tables_go_into_a_page_between_its_marks(figures: dict, tmp_path, capsys, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tables_are_written_between_markers(figures: dict, tmp_path, capsys, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bench, "figures", lambda *_: iter([("all", 1, figures)]))
     page = tmp_path / "page.md"
     page.write_text("before\n<!-- bench -->\nold\n<!-- end of bench -->\nafter\n")

@@ -92,7 +92,7 @@ BAD_CALLS = {
 
 
 @pytest.mark.parametrize("case", BAD_CALLS)
-def test_bad_call_is_one_sentence(case: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_bad_call_is_refused_in_one_sentence(case: str, capsys: pytest.CaptureFixture[str]) -> None:
     argv, hint = BAD_CALLS[case]
     assert hint in complaint(capsys, *argv)
 
@@ -112,7 +112,7 @@ def test_raster_of_nothing(raster: Callable[..., Path], capsys: pytest.CaptureFi
     complaint(capsys, "settle", "-t", raster(np.full((30, 30), np.nan)))
 
 
-def test_hole_in_the_ground(raster: Callable[..., Path], capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_data_is_reported(raster: Callable[..., Path], capsys: pytest.CaptureFixture[str]) -> None:
     z = np.zeros((60, 60))
     z[:, 25:35] = np.nan
     file = raster(z)
@@ -133,7 +133,7 @@ def test_output_that_is_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str
 
 
 @pytest.mark.parametrize("command", ["reproduce", "settle", "drive", "simulate"])
-def test_every_command_explains_itself(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_command_has_help(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert command in COMMANDS
     assert f"rockerbogie {command}" in answer(capsys, command, "--help")
 
@@ -151,7 +151,7 @@ def test_settle_agrees_with_the_library(capsys: pytest.CaptureFixture[str]) -> N
     assert f"{float(pose.z):.4f} m" in table
 
 
-def test_settle_finds_no_rest(capsys: pytest.CaptureFixture[str], raster: Callable[..., Path]) -> None:
+def test_settle_without_a_pose_exits_1(capsys: pytest.CaptureFixture[str], raster: Callable[..., Path]) -> None:
     z = np.zeros((60, 60))
     z[:, 30:] = 50.0  # a wall
     assert main(["settle", "-t", str(raster(z)), "--linear", "--at", "2.65,3", "--json"]) == 1
@@ -168,7 +168,7 @@ def test_settle_writes_a_picture(tmp_path: Path, capsys: pytest.CaptureFixture[s
         assert data["z"].attrs["units"] == "m"
 
 
-def test_drive_writes_what_it_says(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_drive_writes_the_files_it_names(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     argv = ("drive", "-t", "surface:paper", "-p", "0,0 2,0 3,0.2", "--step", "0.02", "--linear", "-o", tmp_path)
     record = json.loads(answer(capsys, *argv, "--json"))
     assert {Path(f).name for f in record["files"]} == {f.name for f in tmp_path.iterdir()}
@@ -187,7 +187,7 @@ def test_drive_writes_what_it_says(tmp_path: Path, capsys: pytest.CaptureFixture
     assert "pitch" in answer(capsys, *argv[:-2])
 
 
-def test_drive_goes_over_the_middle_by_itself(capsys: pytest.CaptureFixture[str]) -> None:
+def test_drive_without_a_path_crosses_the_middle(capsys: pytest.CaptureFixture[str]) -> None:
     record = json.loads(answer(capsys, "drive", "-t", "surface:paper", "--json"))
     assert 4.5 < record["length"] < 6.0  # of the map's 6 m
     assert record["status"] == {"CONVERGED": record["stations"]}
@@ -200,7 +200,7 @@ def test_drive_goes_over_the_middle_by_itself(capsys: pytest.CaptureFixture[str]
         ("gale/missionDEM.tif", "8142500,-276700 8142560,-276620"),
     ],
 )
-def test_drive_over_real_ground(
+def test_drive_over_a_real_terrain_model(
     file: str, path: str, data: Callable[[str], Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("rasterio")
@@ -244,7 +244,7 @@ def test_interrupted_without_a_traceback() -> None:
     assert said.strip() == "interrupted"
 
 
-def test_reader_that_leaves() -> None:
+def test_a_closed_pipe_is_no_error() -> None:
     code = (
         "import sys; from rockerbogie import cli; from rockerbogie.cli.common import print_json; "
         "cli._run = lambda argv: print_json(list(range(100000))) or 0; sys.exit(cli.main([]))"

@@ -70,7 +70,7 @@ def test_a_new_rover(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert "started from the preset osr" in capsys.readouterr().out
 
 
-def test_a_reader_that_leaves_in_mid_table() -> None:
+def test_a_pipe_closed_within_a_table_is_no_error() -> None:
     read, write = os.pipe()
     os.close(read)
     for words in (["rovers"], ["rovers", "curiosity"]):

@@ -96,7 +96,7 @@ def test_map_to_zarr_and_netcdf(dem: Path, whole: xr.Dataset, tmp_path: Path, en
     assert [p.name for p in tmp_path.iterdir()] == [f"map.{ending}"]
 
 
-def test_every_heading_and_part_of_the_ground(dem: Path, whole: xr.Dataset, tmp_path: Path) -> None:
+def test_map_of_every_heading_and_a_part_of_the_terrain(dem: Path, whole: xr.Dataset, tmp_path: Path) -> None:
     file = tmp_path / "map.tif"
     bounds = "400002,5000001,400003,5000002"
     assert main(["map", str(dem), *CALL, "-o", str(file), "--per-heading", "--no-preview", "--bounds", bounds]) == 0
@@ -107,7 +107,7 @@ def test_every_heading_and_part_of_the_ground(dem: Path, whole: xr.Dataset, tmp_
     assert_close(back["roll"], same["roll"], 1e-7, "rad", "the same cells of the map")
 
 
-def test_limits_by_file_and_by_flag(dem: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_limits_by_file_and_by_option(dem: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     some = ("map", dem, "--rover", "osr", "--headings", "2", "--bounds", "400001,5000001,400002,5000002", "--no-preview")
     kept = tmp_path / "limits.toml"
     kept.write_text("tilt_deg = 12\nclearance_m = 0.05\n")
@@ -129,7 +129,7 @@ def test_limits_by_file_and_by_flag(dem: Path, tmp_path: Path, capsys: pytest.Ca
     assert "no limits at" in complaint(capsys, *some, "-o", tmp_path / "map.nc", "--limits", tmp_path / "none.toml")
 
 
-def test_a_stopped_map_goes_on_to_the_same_bytes(
+def test_an_interrupted_map_continues_to_the_same_bytes(
     dem: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole, stopped = tmp_path / "whole.tif", tmp_path / "stopped.tif"
@@ -163,7 +163,7 @@ def test_a_stopped_map_goes_on_to_the_same_bytes(
     assert not (tmp_path / "stopped.tif.parts").exists()
 
 
-def test_a_map_that_cannot_be_written_is_not_made_again(
+def test_a_map_that_cannot_be_written_is_not_computed_again(
     dem: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_: object) -> None:
@@ -197,7 +197,7 @@ BAD_MAPS = {
 
 
 @pytest.mark.parametrize("case", BAD_MAPS)
-def test_bad_map_is_one_sentence(
+def test_a_bad_map_is_refused_in_one_sentence(
     case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -231,7 +231,7 @@ def test_plan_feeds_drive(dem: Path, whole: xr.Dataset, tmp_path: Path, capsys: 
     assert json.loads(line.read_text())["features"][0]["geometry"]["type"] == "LineString"
 
 
-def test_bad_plan_is_one_sentence(
+def test_a_bad_plan_is_refused_in_one_sentence(
     whole: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -204,9 +204,7 @@ def test_an_input_is_never_an_output(case: str, inputs: Path, capsys: pytest.Cap
 
 
 @pytest.mark.parametrize("case", ["settle", "map", "plan", "odometry", "export", "rovers", "bench"])
-def test_a_place_that_cannot_be_written_is_reported_before_the_work(
-    case: str, inputs: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_unwritable_path_is_reported_before_the_work(case: str, inputs: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (inputs / "out").write_bytes(PRECIOUS)  # a file where a folder is needed
     before = contents(inputs)
     assert "not a folder" in complaint(capsys, *WRITERS[case][0])

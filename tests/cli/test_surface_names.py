@@ -16,7 +16,7 @@ from rockerbogie.cli.surface_names import ANGLES, listing, parameters
 
 
 @pytest.mark.parametrize("name", rb.surfaces.__all__)
-def test_the_listing_is_what_one_may_type(name: str) -> None:
+def test_listed_surfaces_are_accepted(name: str) -> None:
     """Type out the default values of the listing: they give the default surface."""
     text = re.sub(r" \(degrees\)", "", listing(name).split(" takes ")[1]).replace(", ", "&")
     assert set(re.findall(r"(\w+)=", text)) == set(parameters(name))
@@ -40,7 +40,7 @@ def test_parameters_are_taken_in_their_units() -> None:
     np.testing.assert_array_equal(rocks.z, rb.surfaces.rocks(0.2, 3, size=4.0, interpolation="linear").z)
 
 
-def test_all_angles_are_known() -> None:
+def test_all_angle_parameters_are_converted_from_degrees() -> None:
     """A parameter whose documentation or default says rad is converted from degrees."""
     for name in rb.surfaces.__all__:
         text = inspect.getdoc(getattr(rb.surfaces, name)) or ""
@@ -62,5 +62,5 @@ def test_all_angles_are_known() -> None:
         ("rockz?k=1", "did you mean 'rocks'"),
     ],
 )
-def test_what_cannot_be_made_is_one_sentence(text: str, hint: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_impossible_surfaces_are_refused_in_one_sentence(text: str, hint: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert hint in complaint(capsys, "settle", "-t", f"surface:{text}")

@@ -25,7 +25,7 @@ def square(z: float, half: float, colour: tuple[float, float, float]) -> Mesh:
 
 
 @pytest.mark.parametrize("perspective", [True, False])
-def test_camera_frames_what_it_is_shown(perspective: bool) -> None:
+def test_camera_frames_all_points(perspective: bool) -> None:
     rng = np.random.default_rng(1)
     points = rng.normal(size=(200, 3)) * (3, 1, 0.5)
     for azimuth, elevation in rng.uniform((-np.pi, 0.1), (np.pi, 1.5), (20, 2)):
@@ -40,7 +40,7 @@ def test_camera_frames_what_it_is_shown(perspective: bool) -> None:
 
 
 @pytest.mark.parametrize("above", [True, False])
-def test_near_hides_far(above: bool) -> None:
+def test_near_triangles_hide_far_ones(above: bool) -> None:
     """Whatever order the triangles come in."""
     low, high = square(0.0, 1.0, GREEN), square(0.5, 0.5, RED)
     for parts in ([low, high], [high, low]):
@@ -56,7 +56,7 @@ def test_near_hides_far(above: bool) -> None:
     assert_close(free, 0.0, 0.02, "m", "nothing stands before it")
 
 
-def test_shadow_falls_away_from_the_sun() -> None:
+def test_shadow_is_opposite_to_the_sun() -> None:
     ground, cover = square(0.0, 2.0, GREEN), square(0.5, 0.3, RED)
     mesh = Mesh.join([ground, cover])
     camera = Camera.framing(mesh.corners, 0.0, 1.45, (300, 300))
@@ -67,7 +67,7 @@ def test_shadow_falls_away_from_the_sun() -> None:
         assert shade < 0.75 * light
 
 
-def test_ground_of_known_cells_only() -> None:
+def test_terrain_mesh_has_known_cells_only() -> None:
     z = np.zeros((21, 21))
     z[8:12, 8:12] = np.nan
     ground = rb.Terrain.from_array(z, 0.1, interpolation="linear")
@@ -80,7 +80,7 @@ def test_ground_of_known_cells_only() -> None:
 
 
 @pytest.mark.parametrize("name", ["elhami-dashti", "curiosity", "osr", "sawppy"])
-def test_rover_is_drawn_where_it_stands(name: str) -> None:
+def test_rover_is_drawn_at_its_pose(name: str) -> None:
     """Draw the treads in contact with flat terrain, below the contact points."""
     rover, ground = rb.load_rover(name), rb.surfaces.plane()
     pose = rb.settle(rover, ground, 0.3, -0.2, 0.7)
@@ -94,7 +94,7 @@ def test_rover_is_drawn_where_it_stands(name: str) -> None:
         assert_close(near[:, 2].min(), point[2], 3 * chord, "m", "each wheel does")
 
 
-def test_figures_leave_matplotlib_as_it_was() -> None:
+def test_figures_do_not_change_matplotlib_settings() -> None:
     before = dict(mpl.rcParams)
     rover, ground = paper_rover(), rb.surfaces.sine()
     run = rb.drive(rover, ground, rb.Path.straight((-1, 0), 0, 2), step=0.1)
@@ -104,7 +104,7 @@ def test_figures_leave_matplotlib_as_it_was() -> None:
     assert dict(mpl.rcParams) == before
 
 
-def test_steepest_is_the_greatest_tilt() -> None:
+def test_steepest_pose_has_the_largest_tilt() -> None:
     rover, ground = paper_rover(), rb.surfaces.sine()
     run = rb.drive(rover, ground, rb.Path.straight((-1, 0), 0, 2), step=0.1)
     pose = rb.settle(rover, ground, run["x"].values, run["y"].values, run["yaw"].values)
@@ -132,6 +132,6 @@ def test_worst_is_the_pose_closest_to_a_limit() -> None:
     assert steepest_of(run) != worst.station
 
 
-def test_grid_is_round() -> None:
+def test_grid_step_is_a_round_number() -> None:
     for span, step in ((2.0, 0.1), (4.8, 0.2), (0.9, 0.05), (347.0, 20.0)):
         assert_close(grid_step((0, 0, span, span / 2)), step, 1e-12, "m", "some twenty lines")

@@ -116,7 +116,7 @@ BAD: dict[str, tuple[Callable[[rb.Rover, rb.Terrain, xr.Dataset], Any], str]] = 
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_what_cannot_be_drawn(
+def test_invalid_input_of_plots_is_refused(
     case: str, rover: rb.Rover, ground: rb.Terrain, run: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -140,7 +140,7 @@ def test_flat_terrain_has_no_contours(rover: rb.Rover) -> None:
     assert not [text for ax in figure.axes for text in ax.texts if text.get_text() == "0 m"]
 
 
-def test_legends_lie_on_the_page(rover: rb.Rover, run: xr.Dataset) -> None:
+def test_legends_fit_on_the_page(rover: rb.Rover, run: xr.Dataset) -> None:
     """With every status, whose meanings are long."""
     codes = np.resize([int(code) for code in rb.Status], run.sizes["time"]).astype(np.uint8)
     figure = rb.plot.run(run.assign(status=("time", codes)))

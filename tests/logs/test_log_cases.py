@@ -127,11 +127,11 @@ def test_csv_in_every_form_gives_the_lap(columns, form, tmp_path):
         "metres",
     ],
 )
-def test_csv_that_lacks_something_is_refused(columns, words, tmp_path):
+def test_csv_with_missing_columns_is_refused(columns, words, tmp_path):
     refused(write_csv(tmp_path, columns), words)
 
 
-def test_names_must_be_in_the_log_and_be_ours(tmp_path):
+def test_names_must_exist_in_the_log_and_in_the_package(tmp_path):
     file = write_csv(tmp_path, {{"steering_LF": "fl", "steering_RF": "fr"}.get(k, k): v for k, v in table().items()})
     assert_lap(run(file, names={"fl": "steering_LF", "fr": "steer_RF_joint"})[0], "names given")
     refused(file, "no steering_LF, steering_RF of the 4", names={})
@@ -190,7 +190,7 @@ def test_counters_that_roll_over_or_restart(tmp_path):
     )
 
 
-def test_wrong_signs_are_named_and_turned(tmp_path):
+def test_wrong_signs_are_reported_and_corrected_by_an_option(tmp_path):
     columns = table(**{a: -v for a, v in zip(ANGLES[1::2], LAP.angle.T[1::2], strict=True)})
     _, said, _ = run(write_csv(tmp_path, columns))
     assert "--flip wheel_RR --flip wheel_RM --flip wheel_RF" in said[0]
@@ -250,7 +250,7 @@ def datasets():
 
 
 @pytest.mark.parametrize("name", list(datasets()))
-def test_units_and_labels_of_datasets_count(name, tmp_path):
+def test_units_and_labels_of_datasets_are_used(name, tmp_path):
     data = datasets()[name]
     assert_lap(rb.odometry(ROVER, None, data), f"{name} in memory")
     data.to_netcdf(tmp_path / "log.nc", engine="h5netcdf")
@@ -336,7 +336,7 @@ def test_humble_sqlite3_and_folders_without_metadata(tmp_path):
     assert_lap(run(folder)[0], "two files, no metadata.yaml")
 
 
-def test_joints_on_several_topics_and_joints_of_others(tmp_path):
+def test_joints_on_several_topics_and_foreign_joints(tmp_path):
     messages = []
     for k in range(len(LAP.t)):
         messages.append(("/drive/joint_states", LAP.ns[k], joint_message(LAP.ns[k], WHEELS, LAP.angle[k], LAP.rate)))
@@ -394,7 +394,7 @@ def test_recording_of_nasas_open_source_rover(tmp_path):
     assert "--flip steering" in said[0]
 
 
-def test_stamps_of_all_kinds(tmp_path):
+def test_time_stamps_of_all_kinds(tmp_path):
     zero = LAP.ns - LAP.ns[0]
     cases = {
         "no stamps": 0 * zero,
@@ -572,7 +572,7 @@ def test_covariances_reach_odom(tmp_path):
     assert (np.linalg.eigvalsh(track["pose_covariance"].values) > -1e-12).all()
 
 
-def test_runs_that_no_bag_can_hold_get_a_sentence(tmp_path):
+def test_runs_that_a_bag_cannot_hold_are_refused(tmp_path):
     log = LAP.dataset(None, imu=True, suspension=True).isel(time=slice(0, 20))
     track = rb.odometry(ROVER, None, log).assign(wheel_angle=log["wheel_angle"])
     file = tmp_path / "run.mcap"

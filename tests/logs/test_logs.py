@@ -31,14 +31,14 @@ def same_way(log, run, rover, tol, reason):
         assert_close(there[name], here[name], tol, "m, rad", reason)
 
 
-def test_csv_and_netcdf_say_what_the_run_says(run, rover, tmp_path):
+def test_csv_and_netcdf_equal_the_run(run, rover, tmp_path):
     to_csv(run, tmp_path / "run.csv")
     run.isel(wheel=[3, 1, 0, 2, 5, 4]).to_netcdf(tmp_path / "run.nc", engine="h5netcdf")
     same_way(read_log(tmp_path / "run.nc", rover), run, rover, 1e-12, "the same numbers, wheels found by name")
     same_way(read_log(tmp_path / "run.csv", rover), run, rover, 1e-6, "ten digits")
 
 
-def test_csv_of_ones_own(run, rover, tmp_path):
+def test_csv_with_custom_columns(run, rover, tmp_path):
     """Other names, degrees, wheels that do not steer left out."""
     file = tmp_path / "mine.csv"
     names = {"t": "time", **{f"drive{k}": f"wheel_rate_{w}" for k, w in enumerate(rover.wheel_names)}}
@@ -58,7 +58,7 @@ def test_csv_of_ones_own(run, rover, tmp_path):
     same_way(log, run[["wheel_rate", "steering", "roll", "pitch", "yaw"]], rover, 1e-9, "units turned to SI")
 
 
-def test_mcap_comes_back(run, rover, tmp_path):
+def test_mcap_round_trip(run, rover, tmp_path):
     pytest.importorskip("rosbags", reason="the ros extra is not installed")
     from rockerbogie.logs.mcap import write_mcap
 
@@ -72,7 +72,7 @@ def test_mcap_comes_back(run, rover, tmp_path):
     assert (tmp_path / "odometry.mcap").stat().st_size > 1000
 
 
-def test_mcap_as_others_read_it(run, rover, tmp_path):
+def test_mcap_is_read_by_other_libraries(run, rover, tmp_path):
     pytest.importorskip("rosbags", reason="the ros extra is not installed")
     mcap = pytest.importorskip("mcap.reader", reason="the mcap library reads it for a second opinion; it is not installed")
     ros2 = pytest.importorskip("mcap_ros2.decoder", reason="mcap-ros2-support decodes it for a second opinion; not installed")
@@ -111,7 +111,7 @@ def test_mcap_as_others_read_it(run, rover, tmp_path):
         assert_close(T[:3, 3], hub, 1e-12, "m", "frames sent are those of eqs 2-4")
 
 
-def test_wrong_files_get_a_sentence(run, rover, tmp_path):
+def test_wrong_files_are_refused_in_one_sentence(run, rover, tmp_path):
     with pytest.raises(rb.RockerbogieError, match="no log at"):
         read_log(tmp_path / "none.csv", rover)
     odd = tmp_path / "log.txt"

@@ -35,7 +35,7 @@ def test_a_screw_is_the_exponential_of_its_twist():
         assert_close(_rotation_vector(T[None, :3, :3])[0], phi, 1e-12, "rad", "and its logarithm")
 
 
-def test_straight_over_waves():
+def test_odometry_straight_over_waves():
     """Follow terrain uniform across: no wheel slips; wheels and joints determine the track."""
     ground = rb.surfaces.sine(0.1, 2.0, size=14.0)
     run = run_over(ground, rb.Path.straight((-5.0, 0.0), 0.0, 10.0), step=0.01)
@@ -52,7 +52,7 @@ def test_straight_over_waves():
     assert end_error(flat, run)[0] > 0.15, "2-D odometry counts the way up and down as way ahead"
 
 
-def test_winding_over_hills_beats_the_flat_one():
+def test_3d_odometry_over_hills_is_better_than_planar():
     rover = rb.load_rover("curiosity")
     ground = rb.surfaces.rough(3, max_slope=0.35, min_radius=0.8, size=34.0, spacing=0.06)
     path = rb.Path.waypoints([(-10, -5), (0, -4), (6, 4), (-4, 8)], radius=4.0)
@@ -71,7 +71,7 @@ def test_winding_over_hills_beats_the_flat_one():
     assert abs(flat[2]) > 3 * abs(blind[2]), "height is what a flat odometry cannot have"
 
 
-def test_sensors_one_by_one():
+def test_each_sensor_set_gives_the_track():
     """Turn on a plane about a centre abeam of the middle wheels: each sensor alone is enough."""
     rover = rb.load_rover("curiosity")
     run = run_over(rb.surfaces.plane(0.1, 0.6, size=30.0), rb.Path.arc((-3.0, 0.0), 0.2, 4.0, 1.0), rover)
@@ -91,7 +91,7 @@ def test_sensors_one_by_one():
     assert_close(end_error(bare, level), 0.0, 0.02, "m", "wheels and steering alone, where nothing slips")
 
 
-def test_wheel_angles_serve_as_well_as_rates():
+def test_wheel_angles_give_the_same_track_as_rates():
     run = run_over(rb.surfaces.plane(0.1, size=20.0), rb.Path.straight((-2.0, 0.0), 0.0, 4.0))
     steps = np.diff(run["time"])[:, None] * 0.5 * (run["wheel_rate"].values[1:] + run["wheel_rate"].values[:-1])
     angle = np.concatenate([np.zeros((1, 6)), np.cumsum(steps, axis=0)])
@@ -100,7 +100,7 @@ def test_wheel_angles_serve_as_well_as_rates():
     assert_close(a["x"], b["x"], 1e-9, "m", "an encoder's steps are its rate's integral")
 
 
-def test_soil_takes_back_what_a_slope_slips():
+def test_soil_corrects_slip_on_a_slope():
     rover, soil = paper_rover(), SlopeSlip(0.6, 0.4)
     ground = rb.surfaces.plane(0.2, 1.0, size=20.0)
     run = run_over(ground, rb.Path.straight((-2.0, 0.0), 0.0, 4.0))
@@ -115,7 +115,7 @@ def test_soil_takes_back_what_a_slope_slips():
         odometry(rover, run.drop_vars(["roll"]), soil=soil)
 
 
-def test_wrong_logs_get_a_sentence():
+def test_wrong_logs_are_refused_in_one_sentence():
     rover = paper_rover()
     run = run_over(rb.surfaces.plane(size=10.0), rb.Path.straight((-1.0, 0.0), 0.0, 1.0))
     with pytest.raises(rb.RockerbogieError, match="neither wheel_angle nor wheel_rate"):

@@ -64,7 +64,7 @@ def same(found, pose, reason):
     assert_close(found["logged"], np.stack([pose.pitch, pose.roll], axis=-1), 1e-9, "rad", reason)
 
 
-def test_logs_made_from_settles_come_back_without_error(rover, ground, pose, tmp_path):
+def test_logs_of_settled_poses_have_zero_error(rover, ground, pose, tmp_path):
     file = write(tmp_path / "log.csv", ned(pose))
     columns = {"place": "sol", "x": "easting_m", "y": "northing_m", "roll": "roll_deg", "pitch": "pitch_deg", "yaw": "yaw_deg"}
     mapping = rb.LogMap(columns, frame="ned", origin=(1000.0, -500.0))
@@ -95,7 +95,7 @@ def test_a_quaternion_and_steering_as_perseverance_logs_them(rover, ground, tmp_
 
 
 @pytest.mark.parametrize("role", ["pitch", "roll"])
-def test_a_wrong_sign_shows(role, rover, ground, pose, tmp_path):
+def test_a_wrong_sign_gives_large_errors(role, rover, ground, pose, tmp_path):
     log = ned(pose, easting_m=pose.x, northing_m=pose.y)
     log[f"{role}_deg"] = -log[f"{role}_deg"]
     found = errors(rover, ground, write(tmp_path / "log.csv", log))  # known by its columns, and so read as NASA's
@@ -105,7 +105,7 @@ def test_a_wrong_sign_shows(role, rover, ground, pose, tmp_path):
     assert_close(found["rms"].sel(channel=role), 2 * np.sqrt(np.mean(getattr(pose, role) ** 2)), 1e-9, "rad", "twice the angle")
 
 
-def test_mapping_files_and_flags(rover, ground, pose, tmp_path, capsys):
+def test_mapping_by_file_and_by_options(rover, ground, pose, tmp_path, capsys):
     map_ = tmp_path / "map.toml"
     map_.write_text(
         'frame = "ned"\norigin = [1000, -500]\n[columns]\nplace = "sol"\nx = "easting_m"\ny = "northing_m"\n'
@@ -143,14 +143,14 @@ def test_mapping_files_and_flags(rover, ground, pose, tmp_path, capsys):
         ({"easting_m": ["1e6", "1e6"]}, "OFF_MAP at the first.*the map .*check which columns are x and y"),
     ],
 )
-def test_bad_logs_are_told(change, says, rover, ground, tmp_path):
+def test_bad_logs_are_refused(change, says, rover, ground, tmp_path):
     log = {"sol": ["1", "2"], "easting_m": ["0", "1"], "northing_m": ["0", "1"], "pitch_deg": ["0", "0"], "roll_deg": ["0", "0"]}
     log = {name: values for name, values in (log | {"yaw_deg": ["0", "0"]} | change).items() if values is not None}
     with pytest.raises(rb.RockerbogieError, match=says):
         errors(rover, ground, write(tmp_path / "log.csv", log))
 
 
-def test_bad_mappings_are_told(rover, ground, pose, tmp_path, capsys):
+def test_bad_mappings_are_refused(rover, ground, pose, tmp_path, capsys):
     file = write(tmp_path / "log.csv", ned(pose))
     good = {"x": "easting_m", "y": "northing_m", "roll": "roll_deg", "pitch": "pitch_deg", "yaw": "yaw_deg"}
     for mapping, says in (
@@ -191,7 +191,7 @@ def test_bad_mappings_are_told(rover, ground, pose, tmp_path, capsys):
             errors(rover, ground, log)
 
 
-def test_missing_roughness_finds_the_fractal_it_was_given():
+def test_missing_roughness_recovers_the_spectrum_of_a_fractal():
     rng, n, spacing, hurst, strength = np.random.default_rng(0), 512, 1.0, 0.7, 1e-3
     k = wave_numbers(n, spacing)
     whole = np.where(k > 0, strength * np.maximum(k, 1e-9) ** (-2 * hurst - 2), 0.0)
@@ -208,7 +208,7 @@ def test_missing_roughness_finds_the_fractal_it_was_given():
     assert second_difference(np.add.outer(np.arange(9.0), 2 * np.arange(9.0)), 2) == 0, "blind to slopes"
 
 
-def test_the_draws_are_settles_on_the_ground_itself_where_nothing_is_unknown(rover, ground):
+def test_draws_without_uncertainty_are_poses_on_the_terrain_itself(rover, ground):
     fine = rb.Terrain.from_array(ground.z[::2, ::2], [2 * s for s in ground.spacing], ground.origin, "linear")
     assert min(fine.spacing) < rover.wheel_radius[0], "so that patches keep its nodes"
     known = Doubt(0.0, 0.0, 1.0, Roughness(0.9, 0.0, 1.0, 0.9))
@@ -218,7 +218,7 @@ def test_the_draws_are_settles_on_the_ground_itself_where_nothing_is_unknown(rov
     assert_close(drawn[0], [float(pose.pitch), float(pose.roll)], 1e-7, "rad", "the same nodes, the same ground")
 
 
-def test_bands_are_true_where_the_doubt_is(rover):
+def test_bands_have_the_stated_coverage_if_the_uncertainty_is_right(rover):
     """Make logs by the same draws: the band at factor 1 contains its share."""
     rng, n = np.random.default_rng(11), 400
     k = wave_numbers(n, 1.0)
@@ -250,7 +250,7 @@ def test_bands_are_true_where_the_doubt_is(rover):
     assert not found.equals(rb.validate(rover, smooth, log, draws=60, seed=1))
 
 
-def test_factors_are_fitted_on_other_places_alone():
+def test_factors_are_fitted_on_other_positions_only():
     wanted = np.array([3, 3, 12])  # which factor each place would have by itself; the third lies alone
     scores = (np.arange(len(FACTORS)) - wanted[:, None]) ** 2.0 + 1
     x, y = np.array([0.0, 100.0, 200.0]), np.zeros(3)
@@ -266,14 +266,14 @@ def test_factors_are_fitted_on_other_places_alone():
     assert np.argmin(by_width) == 1, "least for the true 10 and 90 % points"
 
 
-def test_rows_that_hardly_move_are_one_place():
+def test_rows_that_hardly_move_are_one_position():
     x, yaw = np.array([0.0, 0.1, 0.2, 0.7, 0.7, 0.7]), np.radians([179, 181, 179, 179, 179, 150])
     first, stand = stands(x, np.zeros(6), yaw)
     assert list(first) == [0, 3, 5]
     assert list(stand) == [0, 0, 0, 1, 1, 2]
 
 
-def test_places_off_the_map_do_not_count(rover, ground, pose):
+def test_positions_off_the_map_are_not_counted(rover, ground, pose):
     log = pose.to_xarray()
     log["x"].values[3] = 1e4
     found = errors(rover, ground, log)
@@ -283,7 +283,7 @@ def test_places_off_the_map_do_not_count(rover, ground, pose):
     assert float(found["rms"].max()) < 1e-9
 
 
-def test_the_command_writes_what_it_says(rover, ground, pose, data, tmp_path, capsys):
+def test_the_command_writes_the_files_it_names(rover, ground, pose, data, tmp_path, capsys):
     model, log = data("gale/missionDEM.tif"), data("gale/curiosity_waypoints.csv")
     call = ["validate", "--rover", "curiosity", "--terrain", str(model), "--log", str(log), "--draws", "40", "-o", str(tmp_path)]
     assert main(call) == 0

@@ -51,7 +51,7 @@ def band_of(raster: object, name: str) -> int:
     return 1 + list(raster.descriptions).index(name)  # type: ignore[attr-defined]
 
 
-def test_geotiff_is_where_it_should_be(drawn: xr.Dataset, tmp_path: Path) -> None:
+def test_geotiff_is_georeferenced(drawn: xr.Dataset, tmp_path: Path) -> None:
     file = write_map(drawn, tmp_path / "map.tif")
     with rasterio.open(file) as raster:
         assert raster.crs.to_epsg() == 32633
@@ -85,7 +85,7 @@ def test_geotiff_is_cloud_optimised(drawn: xr.Dataset, tmp_path: Path) -> None:
         assert validate(str(file), strict=True) == (True, [], [])
 
 
-def test_geotiff_holds_every_heading_if_asked(drawn: xr.Dataset, tmp_path: Path) -> None:
+def test_geotiff_holds_every_heading_on_request(drawn: xr.Dataset, tmp_path: Path) -> None:
     file = write_map(drawn, tmp_path / "map.tif", per_heading=True)
     with rasterio.open(file) as raster:
         assert list(raster.descriptions[:6]) == SUMMARIES
@@ -110,7 +110,7 @@ def test_geotiff_holds_every_heading_if_asked(drawn: xr.Dataset, tmp_path: Path)
 
 
 @pytest.mark.parametrize("ending", [".nc", ".zarr"])
-def test_netcdf_and_zarr_hold_all_of_it(drawn: xr.Dataset, tmp_path: Path, ending: str) -> None:
+def test_netcdf_and_zarr_hold_the_whole_map(drawn: xr.Dataset, tmp_path: Path, ending: str) -> None:
     if ending == ".zarr":
         pytest.importorskip("zarr", reason="needs the scale extra")
     file = write_map(drawn, tmp_path / f"map{ending}")
@@ -125,7 +125,7 @@ def test_netcdf_and_zarr_hold_all_of_it(drawn: xr.Dataset, tmp_path: Path, endin
 
 
 @pytest.mark.parametrize("ending", [".tif", ".nc", ".zarr"])
-def test_the_same_map_gives_the_same_bytes_however_it_is_held(
+def test_the_same_map_gives_the_same_bytes_in_memory_and_chunked(
     drawn: xr.Dataset, tmp_path: Path, ending: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("dask", reason="needs the scale extra")
@@ -150,7 +150,7 @@ def test_a_map_without_crs_has_none(drawn: xr.Dataset, tmp_path: Path) -> None:
     assert "crs" not in read_map(tmp_path / "map.tif").attrs
 
 
-def test_style_colours_each_share_as_it_says(drawn: xr.Dataset, tmp_path: Path) -> None:
+def test_style_has_the_documented_colours(drawn: xr.Dataset, tmp_path: Path) -> None:
     for per_heading in (False, True):
         raster_file = write_map(drawn, tmp_path / "map.tif", per_heading=per_heading)
         style = write_style(drawn, tmp_path / "map.qml", per_heading=per_heading)
@@ -176,7 +176,7 @@ def test_style_colours_each_share_as_it_says(drawn: xr.Dataset, tmp_path: Path) 
             assert {label(k / n) for k in range(n // 2 + 1, n)} == {"more than half of the headings passable"}
 
 
-def test_tally_counts_every_cell_once(drawn: xr.Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_counts_include_every_cell_once(drawn: xr.Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(files, "PIECE", (100, 77))
     counts = tally(drawn)
     share = drawn["passable"].values
@@ -188,7 +188,7 @@ def test_tally_counts_every_cell_once(drawn: xr.Dataset, monkeypatch: pytest.Mon
     assert counts.exceeded["tilt"] == (mask & 4 > 0).sum()
 
 
-def test_overview_is_the_map_thinned_over_its_ground(drawn: xr.Dataset, tmp_path: Path) -> None:
+def test_overview_is_the_map_at_lower_resolution(drawn: xr.Dataset, tmp_path: Path) -> None:
     small = overview(drawn, most=100)
     assert max(small.sizes["x"], small.sizes["y"]) <= 100
     assert_close(small["passable"], drawn["passable"].sel(x=small["x"], y=small["y"]), 0, "1", "cells of the map")
@@ -205,7 +205,7 @@ def test_overview_is_the_map_thinned_over_its_ground(drawn: xr.Dataset, tmp_path
     assert_close(in_memory.isel(at_nodes), z[:130, :150], 1e-9, "m", "cells on nodes take theirs")
 
 
-def test_picture_says_what_share_is_passable(drawn: xr.Dataset, tmp_path: Path) -> None:
+def test_picture_states_the_passable_share(drawn: xr.Dataset, tmp_path: Path) -> None:
     small = overview(drawn, rb.Terrain.from_array(np.zeros((160, 270)), 1.0, (1000.25, 2000.25)))
     fig = terrain_map(small)
     legend = fig.axes[1].get_legend()
@@ -228,7 +228,7 @@ def test_picture_says_what_share_is_passable(drawn: xr.Dataset, tmp_path: Path) 
     fig.savefig(tmp_path / "map.png")
 
 
-def test_what_is_no_map_is_refused(drawn: xr.Dataset, tmp_path: Path) -> None:
+def test_datasets_that_are_no_map_are_refused(drawn: xr.Dataset, tmp_path: Path) -> None:
     with pytest.raises(rb.RockerbogieError, match=r"map.png' names no kind of map: end it in .tif"):
         write_map(drawn, tmp_path / "map.png")
     with pytest.raises(rb.RockerbogieError, match="no map at"):
@@ -257,7 +257,7 @@ def test_what_is_no_map_is_refused(drawn: xr.Dataset, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("ending", [".tif", ".nc"])
-def test_a_failed_write_leaves_the_old_map(
+def test_a_failed_write_keeps_the_old_map(
     drawn: xr.Dataset, tmp_path: Path, ending: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = write_map(drawn, tmp_path / f"map{ending}")
@@ -273,7 +273,7 @@ def test_a_failed_write_leaves_the_old_map(
     assert [p.name for p in tmp_path.iterdir()] == [file.name]
 
 
-def test_a_map_of_some_layers(drawn: xr.Dataset, tmp_path: Path) -> None:
+def test_a_map_with_selected_layers(drawn: xr.Dataset, tmp_path: Path) -> None:
     some = drawn[["tilt", "exceeded"]]
     back = read_map(write_map(some, tmp_path / "map.nc"))
     assert (rb.plan(back, *far_apart(drawn)).cost == rb.plan(drawn, *far_apart(drawn)).cost).all()
@@ -285,7 +285,7 @@ def test_a_map_of_some_layers(drawn: xr.Dataset, tmp_path: Path) -> None:
         write_map(tmp_path, tmp_path / "map.nc")  # type: ignore[arg-type]
 
 
-def test_netcdf_is_not_begun_where_it_may_not_fit(drawn: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_netcdf_is_not_started_if_it_may_not_fit(drawn: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("shutil.disk_usage", lambda path: shutil._ntuple_diskusage(10**9, 10**9 - 1000, 1000))
     with pytest.raises(rb.RockerbogieError, match=r"it may take 0\.0\d+ GB, and 1e-06 GB are free"):
         write_map(drawn, tmp_path / "map.nc")

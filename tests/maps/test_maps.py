@@ -93,7 +93,7 @@ def bytes_of(folder: Path) -> dict[str, bytes]:
 
 @pytest.mark.parametrize("mode", ["contact", "equilibrium"])
 @pytest.mark.parametrize("kind", ["linear", "cubic"])
-def test_a_map_is_settle_at_every_cell(rover: rb.Rover, mode: Any, kind: Any) -> None:
+def test_a_map_equals_settle_at_every_cell(rover: rb.Rover, mode: Any, kind: Any) -> None:
     ground = rb.Terrain.from_array(heights()[60:190], STEP, ORIGIN, kind)
     headings = [0.1, 2.0] if mode == "contact" else [0.7]
     step = 0.1 if (mode, kind) == ("contact", "linear") else 0.37
@@ -115,7 +115,7 @@ def test_a_map_is_settle_at_every_cell(rover: rb.Rover, mode: Any, kind: Any) ->
     )
 
 
-def test_what_exceeds_and_what_headings_come_to(rover: rb.Rover, terrain: rb.Terrain, plain: Any) -> None:
+def test_limits_exceeded_and_layers_over_headings(rover: rb.Rover, terrain: rb.Terrain, plain: Any) -> None:
     """Every bit and summary, from the layers alone."""
     limit = json.loads(plain.attrs["limits"])
     lost = np.isnan(plain.tilt.values)
@@ -153,7 +153,7 @@ def test_what_exceeds_and_what_headings_come_to(rover: rb.Rover, terrain: rb.Ter
     assert (plain.worst_exceeded.values == np.bitwise_or.reduce(over, axis=0)).all()
 
 
-def test_stops_exceed_whatever_the_limits_and_clearance_its_own(rover: rb.Rover, terrain: rb.Terrain) -> None:
+def test_joint_limits_are_exceeded_for_any_limits_and_clearance_has_its_own(rover: rb.Rover, terrain: rb.Terrain) -> None:
     box = (ORIGIN[0] + 4, ORIGIN[1] + 20, ORIGIN[0] + 10, ORIGIN[1] + 28)
     stiff = dataclasses.replace(rover, bogie_limits=np.radians([-3.0, 3.0]))
     free = rb.traversability(stiff, terrain, HEADINGS, limits="none", bounds=box)
@@ -168,7 +168,7 @@ def test_stops_exceed_whatever_the_limits_and_clearance_its_own(rover: rb.Rover,
     assert (blind.passable.values == ((free.tilt <= 0.1) & ~stopped).mean("heading").values.astype(np.float32)).all()
 
 
-def test_many_headings_are_as_one_by_one(rover: rb.Rover, terrain: rb.Terrain) -> None:
+def test_many_headings_equal_single_headings(rover: rb.Rover, terrain: rb.Terrain) -> None:
     """More than are settled at once."""
     box = (ORIGIN[0] + 12, ORIGIN[1] + 11, ORIGIN[0] + 13, ORIGIN[1] + 12)
     maps = rb.traversability(rover, terrain, 37, bounds=box)
@@ -181,7 +181,7 @@ def test_many_headings_are_as_one_by_one(rover: rb.Rover, terrain: rb.Terrain) -
     assert np.array_equal(maps.passable, (maps.exceeded == 0).mean("heading").astype(np.float32), equal_nan=True)
 
 
-def test_bounds_and_resolution_keep_to_the_lattice(rover: rb.Rover, terrain: rb.Terrain, plain: Any) -> None:
+def test_bounds_and_resolution_are_on_the_lattice(rover: rb.Rover, terrain: rb.Terrain, plain: Any) -> None:
     """A part of a map is that part of the whole map."""
     box = (ORIGIN[0] + 10.0, ORIGIN[1] + 7.96, ORIGIN[0] + 12.0, ORIGIN[1] + 9.04)
     part = rb.traversability(rover, terrain, HEADINGS, bounds=box)
@@ -193,7 +193,7 @@ def test_bounds_and_resolution_keep_to_the_lattice(rover: rb.Rover, terrain: rb.
     assert coarse.sizes == {"heading": 2, "y": 3, "x": 5}
 
 
-def test_words_with_the_numbers(plain: Any, file: Path, rover: rb.Rover) -> None:
+def test_variables_have_descriptions(plain: Any, file: Path, rover: rb.Rover) -> None:
     for name in plain.data_vars:
         assert plain[name].attrs["long_name"]
         assert plain[name].attrs["units"] == LAYERS[name].units
@@ -211,7 +211,7 @@ def test_words_with_the_numbers(plain: Any, file: Path, rover: rb.Rover) -> None
 
 
 @pytest.mark.parametrize(("largest", "few"), [(1 << 21, 4), (2500, 1)])  # tiles one by one, and chunks on threads of their own
-def test_a_file_in_windows_is_the_terrain_in_memory(
+def test_a_file_in_windows_equals_the_terrain_in_memory(
     rover: rb.Rover, file: Path, plain: Any, largest: int, few: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(run, "LARGEST", largest)
@@ -300,7 +300,7 @@ def test_a_store_of_another_map_is_refused(
     assert bytes_of(kept) == before
 
 
-def test_a_folder_that_is_no_map_is_left_alone(rover: rb.Rover, terrain: rb.Terrain, tmp_path: Path) -> None:
+def test_a_folder_that_is_no_map_is_not_changed(rover: rb.Rover, terrain: rb.Terrain, tmp_path: Path) -> None:
     pytest.importorskip("zarr", reason="needs the scale extra")
     (tmp_path / "thesis.txt").write_text("years of work")
     (tmp_path / "file").touch()
@@ -312,7 +312,7 @@ def test_a_folder_that_is_no_map_is_left_alone(rover: rb.Rover, terrain: rb.Terr
     assert (tmp_path / "thesis.txt").read_text() == "years of work"
 
 
-def test_a_full_disk_is_said_and_the_rerun_goes_on(
+def test_a_full_disk_is_reported_and_a_second_run_continues(
     rover: rb.Rover, terrain: rb.Terrain, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("zarr", reason="needs the scale extra")
@@ -402,7 +402,7 @@ def test_killed_at_any_moment_a_rerun_ends_with_the_same_bytes(
     assert bytes_of(kept) == bytes_of(straight)
 
 
-def test_a_worker_killed_is_made_up_for(rover: rb.Rover, terrain: rb.Terrain, tmp_path: Path, started: Any) -> None:
+def test_tiles_of_a_killed_worker_are_computed_again(rover: rb.Rover, terrain: rb.Terrain, tmp_path: Path, started: Any) -> None:
     pytest.importorskip("distributed", reason="needs the scale extra")
     straight, kept = tmp_path / "straight", tmp_path / "kept"
     rb.traversability(rover, terrain, HEADINGS, store=straight)
@@ -438,7 +438,7 @@ def test_a_worker_killed_is_made_up_for(rover: rb.Rover, terrain: rb.Terrain, tm
         ({"scheduler": "tcp://127.0.0.1:9"}, "no Dask scheduler answers at 'tcp://127.0.0.1:9'"),
     ],
 )
-def test_wrong_calls_get_a_sentence(
+def test_wrong_calls_are_refused_in_one_sentence(
     rover: rb.Rover, terrain: rb.Terrain, wrong: dict[str, Any], sentence: str, monkeypatch: Any
 ) -> None:
     monkeypatch.setattr(run, "PATIENCE", 0.5)
@@ -449,9 +449,7 @@ def test_wrong_calls_get_a_sentence(
 
 
 @pytest.mark.parametrize("missing", ["zarr", "dask", "distributed"])
-def test_without_the_extra_it_is_named(
-    rover: rb.Rover, terrain: rb.Terrain, tmp_path: Path, monkeypatch: Any, missing: str
-) -> None:
+def test_a_missing_extra_is_named(rover: rb.Rover, terrain: rb.Terrain, tmp_path: Path, monkeypatch: Any, missing: str) -> None:
     monkeypatch.setitem(sys.modules, missing, None)
     with pytest.raises(rb.RockerbogieError, match=rf"needs {missing}: pip install 'rockerbogie\[scale\]'"):
         rb.traversability(rover, terrain, 1, 2.0, store=tmp_path / "s", workers=1)
@@ -467,7 +465,7 @@ def test_without_the_extra_it_is_named(
         ({"bogie": "17 deg"}, "limit bogie is '17 deg'"),
     ],
 )
-def test_limits_that_are_none(wrong: dict[str, Any], sentence: str) -> None:
+def test_limits_of_none_do_not_apply(wrong: dict[str, Any], sentence: str) -> None:
     with pytest.raises(rb.RockerbogieError, match=sentence):
         rb.Limits(**wrong)
 

@@ -41,7 +41,7 @@ def length_away(route: rb.Route, shape: object) -> float:
 
 @pytest.mark.parametrize("ending", ["gpkg", "geojson", "shp", "fgb"])
 @pytest.mark.parametrize("margin", [0.0, 0.6])
-def test_a_keep_out_area_is_not_entered(ending: str, margin: float, tmp_path: Path) -> None:
+def test_a_route_avoids_keep_out_areas(ending: str, margin: float, tmp_path: Path) -> None:
     maps = empty()
     start, goal = place(maps, 2, 2), place(maps, 2, 18)
     file = write_vector(tmp_path / f"wall.{ending}", [WALL])
@@ -71,7 +71,7 @@ def test_the_usual_margin_is_the_rover_s_radius(tmp_path: Path) -> None:
     assert min(point.distance(WALL) for point in shapely.points(route.x, route.y)) > reach - 0.36
 
 
-def test_a_layer_in_another_crs_is_moved(tmp_path: Path) -> None:
+def test_a_layer_in_another_crs_is_transformed(tmp_path: Path) -> None:
     """The wall in UTM 33 and in longitude and latitude, by pyproj, keeps out of the same cells."""
     from pyproj import Transformer
 
@@ -98,7 +98,7 @@ def raster(file: Path, values: np.ndarray, cell: float, crs: str | None = "EPSG:
 
 
 @pytest.mark.parametrize("cell", [0.1, 0.5, 1.0])
-def test_a_keep_out_raster(cell: float, tmp_path: Path) -> None:
+def test_a_route_avoids_a_keep_out_raster(cell: float, tmp_path: Path) -> None:
     maps, n = empty(), round(10.5 / cell)
     at = (np.arange(n) + 0.5) * cell
     x, y = np.meshgrid(at, at)
@@ -125,7 +125,7 @@ def test_costs_are_added_per_metre(tmp_path: Path) -> None:
     assert rb.plan(maps, *ends, cost=ridge).y.max() > 2008, "around what is dear"
 
 
-def test_several_goals_in_order_at_the_least_sum() -> None:
+def test_several_goals_in_order_have_the_least_total_cost() -> None:
     """The least over all headings at the goal between, each found by plans to it and from it."""
     rng = np.random.default_rng(4)
     for _ in range(6):
@@ -152,7 +152,7 @@ def test_several_goals_in_order_at_the_least_sum() -> None:
         assert_close([route.x[-1], route.y[-1]], goal, 1e-9, "m", "and the last")
 
 
-def test_reachability_is_where_plans_lead() -> None:
+def test_reachable_cells_are_those_with_a_route() -> None:
     rng = np.random.default_rng(9)
     maps = drawn_map(rng, 8, 8, 9, 0.45)
     free = np.argwhere((maps["exceeded"].values == 0).any(axis=0))
@@ -171,7 +171,7 @@ def test_reachability_is_where_plans_lead() -> None:
 
 
 @pytest.mark.parametrize("ending", ["tif", "nc", "zarr"])
-def test_reachability_is_a_map_on_file(ending: str, tmp_path: Path) -> None:
+def test_reachability_is_written_and_read_as_a_map(ending: str, tmp_path: Path) -> None:
     if ending == "zarr":
         pytest.importorskip("zarr")
     maps = drawn_map(np.random.default_rng(9), 8, 8, 9, 0.2)
@@ -234,7 +234,7 @@ def test_a_route_is_read_back_as_the_same_path(tmp_path: Path) -> None:
             assert_close(getattr(back.sample(s), field), getattr(route.path.sample(s), field), tolerance, "m", name)
 
 
-def test_lines_and_points_of_others_are_waypoints(tmp_path: Path) -> None:
+def test_foreign_lines_and_points_are_read_as_waypoints(tmp_path: Path) -> None:
     corners = [(0.0, 0.0), (4.0, 0.0), (4.0, 3.0)]
     expected = rb.Path.waypoints(corners, 0.5)
     line = write_vector(tmp_path / "line.gpkg", [shapely.LineString(corners)])
@@ -249,7 +249,7 @@ def test_lines_and_points_of_others_are_waypoints(tmp_path: Path) -> None:
         read_route(degrees)
 
 
-def test_geojson_says_what_it_cannot_hold(tmp_path: Path) -> None:
+def test_geojson_reports_a_crs_that_it_cannot_hold(tmp_path: Path) -> None:
     route = rb.plan(empty(), place(empty(), 2, 2), place(empty(), 2, 6))
     with pytest.warns(UserWarning, match=r"WGS84 .* in EPSG:32633: only GDAL and QGIS read that CRS; a GeoPackage"):
         route.to_geojson(tmp_path / "a.geojson")
@@ -275,7 +275,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_layers_are_one_sentence(case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bad_layers_are_refused_in_one_sentence(case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     write_vector(tmp_path / "wall.gpkg", [WALL], kind=["wall"])
     write_vector(tmp_path / "text_cost.gpkg", [WALL], cost=["dear"])
@@ -286,7 +286,7 @@ def test_bad_layers_are_one_sentence(case: str, tmp_path: Path, monkeypatch: pyt
         rb.plan(maps, place(maps, 2, 2), place(maps, 2, 18), **call)  # type: ignore[arg-type]
 
 
-def test_a_layer_off_the_map_is_said(tmp_path: Path) -> None:
+def test_a_layer_off_the_map_is_reported(tmp_path: Path) -> None:
     file = write_vector(tmp_path / "far.gpkg", [shapely.box(0, 0, 1, 1)])
     with pytest.warns(UserWarning, match="far.gpkg has no feature on the map"):
         rb.plan(empty(), place(empty(), 2, 2), place(empty(), 2, 6), keep_out=file)

@@ -165,7 +165,7 @@ def test_swept_cells_are_those_under_the_line(step: tuple[int, int]) -> None:
     assert (cells[0], cells[-1]) == ((0, 0), step)
 
 
-def test_which_rovers_turn_on_the_spot() -> None:
+def test_rovers_with_four_steered_corners_turn_on_the_spot() -> None:
     assert [turns_in_place(rb.load_rover(name)) for name in ("curiosity", "perseverance", "sawppy", "osr")] == [True] * 4
     assert not turns_in_place(rb.load_rover("rocky7"))
     rover = rb.load_rover("elhami-dashti")
@@ -178,7 +178,7 @@ def empty(headings: int = 16, rows: int = 21, cols: int = 21) -> xr.Dataset:
     return map_of(np.zeros(shape, np.uint8), np.zeros(shape), np.zeros(shape[1:], bool), np.random.default_rng(0))
 
 
-def test_level_ground_is_crossed_straight() -> None:
+def test_a_route_on_level_terrain_is_straight() -> None:
     maps = empty()
     plan = rb.plan(maps, (*place(maps, 2, 1), 0.0), (*place(maps, 2, 19), 0.0))
     assert_close(plan.cost[-1], 9.0, 1e-9, "m", "18 cells of half a metre, no risk, no turn")
@@ -187,7 +187,7 @@ def test_level_ground_is_crossed_straight() -> None:
     assert_close(knight.distance[-1], 8 * 0.5 * math.sqrt(5), 1e-9, "m", "eight knight's steps")
 
 
-def test_a_turn_costs_what_it_is_said_to() -> None:
+def test_a_turn_costs_turn_cost_per_radian() -> None:
     maps = empty()
     about = rb.plan(maps, (*place(maps, 5, 5), 0.0), (*place(maps, 5, 5), np.pi), turn_cost=0.25)
     assert_close(about.cost[-1], 0.25 * np.pi, 1e-12, "m", "half a turn")
@@ -199,7 +199,7 @@ def test_a_turn_costs_what_it_is_said_to() -> None:
     assert free.cost[-1] == 0
 
 
-def test_a_wall_with_a_gap_is_passed_by_the_gap_and_tilt_is_shunned() -> None:
+def test_a_route_uses_the_gap_in_a_wall_and_avoids_tilt() -> None:
     maps = empty()
     maps["exceeded"][:, :, 10] = 4
     maps["exceeded"][:, 15, 10] = 0
@@ -214,7 +214,7 @@ def test_a_wall_with_a_gap_is_passed_by_the_gap_and_tilt_is_shunned() -> None:
     assert around.tilt.max() == 0
 
 
-def test_a_knight_s_step_needs_the_cells_it_runs_through() -> None:
+def test_a_knight_s_step_needs_the_cells_it_crosses() -> None:
     maps = empty(rows=2, cols=3)
     call = ((*place(maps, 0, 0), np.pi / 8), (*place(maps, 1, 2), np.pi / 8))
     assert len(rb.plan(maps, *call).x) == 2
@@ -223,7 +223,7 @@ def test_a_knight_s_step_needs_the_cells_it_runs_through() -> None:
     assert len(detour.x) > 2
 
 
-def test_start_and_goal_that_cannot_be_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_impossible_start_and_goal_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     maps = empty()
     maps["exceeded"][:, 4:7, 4:7] = 1
     inside, outside = place(maps, 5, 5), place(maps, 15, 15)
@@ -255,7 +255,7 @@ def test_start_and_goal_that_cannot_be_are_said(monkeypatch: pytest.MonkeyPatch)
         rb.plan(5, outside, inside)  # type: ignore[arg-type]
 
 
-def test_summaries_alone_are_planned_on_with_care() -> None:
+def test_routes_on_summary_layers_use_passable_cells_and_the_worst_tilt() -> None:
     maps = drawn_map(np.random.default_rng(3), 8, 12, 12, blocked=0.01)
     whole = maps["passable"].values == 1
     summaries = maps.drop_vars([name for name in maps.data_vars if "heading" in maps[name].dims])
@@ -278,7 +278,7 @@ def hills() -> tuple[rb.Rover, rb.Terrain, xr.Dataset]:
     return rover, ground, maps
 
 
-def test_drive_along_a_plan_meets_the_map_s_own_tilts(hills: tuple[rb.Rover, rb.Terrain, xr.Dataset], tmp_path: Path) -> None:
+def test_drive_along_a_route_has_the_tilts_of_the_map(hills: tuple[rb.Rover, rb.Terrain, xr.Dataset], tmp_path: Path) -> None:
     rover, ground, maps = hills
     free = np.argwhere(maps["exceeded"].values.max(axis=0) == 0)
     start, goal = (place(maps, *map(int, free[k])) for k in (0, -1))
@@ -327,14 +327,14 @@ def test_paths_from_csv(tmp_path: Path) -> None:
         read_route(tmp_path / "none.csv")
 
 
-def test_the_same_call_gives_the_same_way() -> None:
+def test_the_same_call_gives_the_same_route() -> None:
     maps = empty()
     a, b = (rb.plan(maps, place(maps, 0, 0), place(maps, 20, 13)) for _ in range(2))
     assert (a.x == b.x).all()
     assert (a.yaw == b.yaw).all()
 
 
-def test_a_way_over_real_ground(data: Callable[[str], Path]) -> None:
+def test_a_route_over_a_real_terrain_model(data: Callable[[str], Path]) -> None:
     """Gale at 1 m: 1.9 million states; slopes stand for tilt, exact maps have their own test."""
     terrain = rb.Terrain.from_raster(data("gale/missionDEM.tif"))
     slope = np.arctan(np.linalg.norm(terrain.gradient(*np.meshgrid(terrain.x, terrain.y)), axis=-1))

@@ -107,7 +107,7 @@ def test_layers_do_not_depend_on_batches(monkeypatch: pytest.MonkeyPatch) -> Non
     assert set(whole.data_vars) == set(store.LAYERS)
 
 
-def test_known_numbers_hold_with_this_version_of_the_numbers() -> None:
+def test_stored_numbers_equal_those_of_this_version() -> None:
     """If better numbers of maps fail here: raise `store.NUMERICS` by 1 and write them here."""
     rover = rb.load_rover("osr")
     assert store.NUMERICS == 1

@@ -46,7 +46,7 @@ def same(a: Any, b: Any) -> bool:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("missing", [False, True])
-def test_ground_laid_in_windows_is_the_whole_grounds(kind: Any, missing: bool) -> None:
+def test_windows_equal_parts_of_the_whole_terrain(kind: Any, missing: bool) -> None:
     z = heights(missing)
     terrain = Terrain.from_array(z, STEP, ORIGIN, kind)
     whole = hold_ground(terrain).whole
@@ -63,7 +63,7 @@ def test_ground_laid_in_windows_is_the_whole_grounds(kind: Any, missing: bool) -
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("missing", [False, True])
 @pytest.mark.parametrize("mode", ["contact", "equilibrium"])
-def test_poses_in_a_window_are_the_whole_maps(kind: Any, missing: bool, mode: Any) -> None:
+def test_poses_in_a_window_equal_those_on_the_whole_map(kind: Any, missing: bool, mode: Any) -> None:
     z, rover = heights(missing), paper_rover()
     terrain = Terrain.from_array(z, STEP, ORIGIN, kind)
     whole, far = hold_ground(terrain).whole, reach(rover)
@@ -95,7 +95,7 @@ def test_poses_in_a_window_are_the_whole_maps(kind: Any, missing: bool, mode: An
 
 @pytest.mark.nojit
 @pytest.mark.parametrize("kind", KINDS)
-def test_no_node_beside_a_window_is_read(kind: Any) -> None:
+def test_no_node_outside_a_window_is_read(kind: Any) -> None:
     """In plain Python an index outside the window raises; compiled, NaN lies there."""
     rng = np.random.default_rng(3)
     shape, rover = (70, 64), paper_rover()
@@ -120,7 +120,7 @@ def test_no_node_beside_a_window_is_read(kind: Any) -> None:
         assert same(there.gap, here.gap)
 
 
-def test_the_reach_bounds_the_rover() -> None:
+def test_the_reach_contains_the_rover() -> None:
     """No wheel at any joint angle and no corner of the box is further from the reference point."""
     rng = np.random.default_rng(0)
     for name in ("elhami-dashti", "curiosity", "perseverance", "rocky7"):
@@ -133,7 +133,7 @@ def test_the_reach_bounds_the_rover() -> None:
         assert np.linalg.norm(corners, axis=-1).max() <= reach(rover)
 
 
-def test_what_lies_beyond_the_margin_weighs_nothing() -> None:
+def test_nodes_beyond_the_margin_have_no_effect() -> None:
     """Coefficients tile by tile are the whole banded system's, to rounding."""
     from scipy.interpolate import make_interp_spline
 
@@ -147,7 +147,7 @@ def test_what_lies_beyond_the_margin_weighs_nothing() -> None:
     assert np.abs(terrain.height(at[:, 1], at[:, 0]) - exact).max() < 1e-12
 
 
-def test_a_file_read_in_windows_is_the_file_read_whole(data: Callable[[str], Any], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_read_in_windows_equals_the_file_read_at_once(data: Callable[[str], Any], monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("rasterio", reason="needs the geo extra")
     path = data("perseverance/site78.tif")
     monkeypatch.setattr(filed_ground, "BAND", 10_000)  # 19 rows of it at once
@@ -162,7 +162,7 @@ def test_a_file_read_in_windows_is_the_file_read_whole(data: Callable[[str], Any
                 assert same(getattr(filed.window(rows, cols), name), getattr(crop(terrain, rows, cols), name))
 
 
-def test_the_reference_height_of_a_file_is_the_terrains(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_reference_height_of_a_file_is_that_of_its_terrain(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """In bands of any size, with extremes, and where no node of the subgrid is known."""
     rasterio = pytest.importorskip("rasterio", reason="needs the geo extra")
     monkeypatch.setattr(terrain_module, "DATUM_SIDE", 40)  # a subgrid of every 16th row and 15th column

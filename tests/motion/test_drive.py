@@ -52,7 +52,7 @@ def test_the_dataset_describes_itself(crossing: xr.Dataset) -> None:
     assert crossing.attrs["status_summary"] == "401 of 401 stations settled"
 
 
-def test_the_papers_crossing_goes_as_the_paper_says(crossing: xr.Dataset) -> None:
+def test_the_paper_s_crossing_has_the_described_angles(crossing: xr.Dataset) -> None:
     pitch, roll = np.degrees(crossing.pitch.values), np.degrees(crossing["roll"].values)
     assert_close(crossing.gap, 0, 1e-6, "m", "six wheels in contact at every station")
     assert pitch[:10] == pytest.approx(-0.0322, abs=1e-4)  # the paper's own 0.3 mm
@@ -102,7 +102,7 @@ def test_wide_wheels_have_rates_except_where_contacts_change_edges() -> None:
         assert np.quantile(off, 0.9) < 0.01 * np.abs(difference).max()  # at the others a contact jumps from edge to edge
 
 
-def test_wheel_rates_follow_the_length_of_the_slope() -> None:
+def test_wheel_rates_match_the_length_of_the_slope() -> None:
     slope = np.radians(20)
     run = rb.drive(ROVER, rb.surfaces.plane(slope, size=20), rb.Path.straight((-1, 0), 0, 2), speed=0.1)
     assert_close(

@@ -124,7 +124,7 @@ def test_beyond_the_limit_the_opposite_angle_is_taken() -> None:
     assert (found.wheel_rates < 0).all()
 
 
-def test_near_the_angle_that_is_chosen_anyway_changes_nothing() -> None:
+def test_near_equal_to_the_default_angle_changes_nothing() -> None:
     rover = paper_rover()
     pose = rb.settle(rover, rb.surfaces.rough(4), np.linspace(-1, 1, 7), 0.0)
     twist = rb.arc(rover, 0.05, 1.5)

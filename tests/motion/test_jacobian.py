@@ -137,7 +137,7 @@ def test_straight_ahead_on_level_terrain():
     assert JACOBIAN_COLUMNS.index("wheel") == 4
 
 
-def test_system_holds_the_six():
+def test_motion_system_stacks_six_wheels():
     rng = np.random.default_rng(6)
     rover = random_rover(rng)
     pose, steering = random_state(rng, (3, 1, 2), rover)

@@ -52,7 +52,7 @@ def test_a_station_of_a_run_is_compared_by_name() -> None:
 
 
 @pytest.mark.parametrize("call", CALLS.values(), ids=CALLS)
-def test_a_nan_pose_leaves_the_others_as_they_are(call) -> None:
+def test_a_nan_pose_does_not_change_the_others(call) -> None:
     x = np.array([0.0, 50.0, 2.0])
     pose = rb.settle(ROVER, GROUND, x, 0.3, 0.2)
     assert np.isnan(pose.z).tolist() == [False, True, False]

@@ -28,7 +28,7 @@ def hills(size: float, spacing: float, height: float, interpolation: str = "cubi
 
 
 @pytest.mark.parametrize("name", PRESETS)
-def test_wheels_stand_where_the_frames_say(name: str) -> None:
+def test_wheels_are_at_their_frames(name: str) -> None:
     """Any joint angles and steering: the text's axles are `wheel_frames`' to 1e-12 m."""
     rover, model = rb.load_rover(name), load(name)
     data = mujoco.MjData(model)
@@ -68,7 +68,7 @@ def test_masses_and_inertias_are_the_links(name: str) -> None:
         np.testing.assert_allclose(inertia, link.inertia, atol=1e-9 * max(np.trace(link.inertia), 1e-9))
 
 
-def test_a_part_without_mass_is_given_a_little() -> None:
+def test_a_link_without_mass_gets_a_small_mass() -> None:
     base = rb.load_rover("elhami-dashti")
     weightless = rb.Link(0.0, base.bogies[0].com, np.zeros((3, 3)))
     model = build_spec(base.replace(bogies=(weightless, weightless))).compile()
@@ -76,7 +76,7 @@ def test_a_part_without_mass_is_given_a_little() -> None:
 
 
 @pytest.mark.parametrize("law", [(0.0, -1.0), (0.0, -0.8), (0.0, -1.0, 0.05, 0.1, -0.2)])
-def test_the_differential_makes_the_right_rocker_follow_the_left(law: tuple[float, ...]) -> None:
+def test_the_differential_couples_the_rockers(law: tuple[float, ...]) -> None:
     """The equality is met where right = Σ cₖ leftᵏ, and not where left is that of right."""
     rover = rb.load_rover("elhami-dashti").replace(differential=np.array(law))
     model = build_spec(rover).compile()
@@ -93,7 +93,7 @@ def test_the_differential_makes_the_right_rocker_follow_the_left(law: tuple[floa
         assert miss(right, 0.3) > 1e-3
 
 
-def test_stops_and_motors() -> None:
+def test_joint_limits_and_motors() -> None:
     rover = rb.load_rover("elhami-dashti").replace(rocker_limits=np.array([-0.2, 0.3]), bogie_limits=np.array([-0.4, np.inf]))
     model = build_spec(rover).compile()
     np.testing.assert_allclose(model.joint("rocker_left").range, [-0.2, 0.3])
@@ -122,7 +122,7 @@ def test_the_height_field_is_the_terrain(interpolation: str) -> None:
     assert np.isclose(terrain.y[:, None], node_y, atol=1e-9).any(axis=1).sum() == 19  # and from -0.9 to 0.9
 
 
-def test_an_exported_rover_comes_to_stand_in_the_middle_of_its_ground() -> None:
+def test_an_exported_rover_comes_to_rest_at_the_middle_of_its_terrain() -> None:
     """The text as written, after 3 s: z as `settle` within 1 mm."""
     rover, terrain = rb.load_rover("elhami-dashti"), hills(3.0, 0.1, 0.03)
     model = mujoco.MjModel.from_xml_string(rb.to_mjcf(rover, terrain, region=(-1.0, -1.2, 1.4, 1.2)))
@@ -133,7 +133,7 @@ def test_an_exported_rover_comes_to_stand_in_the_middle_of_its_ground() -> None:
     assert abs(z - rb.settle(rover, terrain, x, y, np.arctan2(*data.body("body").xmat[[3, 0]])).z) < 1e-3
 
 
-def test_unknown_ground_is_bridged_and_only_then() -> None:
+def test_only_missing_data_is_bridged() -> None:
     z = np.zeros((30, 30))
     z[:, 20:], z[10:12, 10:12] = 1.0, np.nan
     terrain = rb.Terrain.from_array(z, 0.1, interpolation="linear")
@@ -148,7 +148,7 @@ def test_unknown_ground_is_bridged_and_only_then() -> None:
 
 @pytest.mark.parametrize("name", ["elhami-dashti", "perseverance"])
 @pytest.mark.parametrize(("tilt", "way"), [(0.0, 0.0), (0.29, 0.3), (0.29, np.pi / 2), (0.2, 2.5)])
-def test_at_rest_on_a_tilted_plane(name: str, tilt: float, way: float) -> None:
+def test_equilibrium_on_a_tilted_plane(name: str, tilt: float, way: float) -> None:
     """A solid plane, tilted by up to 17 degrees any way."""
     rover = rb.load_rover(name)
     half = np.array([np.cos(tilt / 2), -np.sin(way) * np.sin(tilt / 2), np.cos(way) * np.sin(tilt / 2), 0])
@@ -160,7 +160,7 @@ def test_at_rest_on_a_tilted_plane(name: str, tilt: float, way: float) -> None:
 
 
 @pytest.mark.parametrize("name", ["elhami-dashti", "perseverance"])
-def test_at_rest_astride_a_ledge(name: str) -> None:
+def test_equilibrium_astride_a_ledge(name: str) -> None:
     """The left wheels on a box: wheels tilted by 10 degrees on level terrain.
 
     An ellipsoid stands for a disc, a cylinder touches with an edge.
@@ -185,7 +185,7 @@ def check_at_rest(rest: Rest, pose: rb.Pose) -> None:
 
 
 @pytest.mark.parametrize("name", ["elhami-dashti", "perseverance", "rocky7"])
-def test_at_rest_on_rough_ground(name: str) -> None:
+def test_equilibrium_on_rough_terrain(name: str) -> None:
     """Random drops on steep creased terrain: within 0.05 deg and 1 mm RMS of `settle`."""
     rover = rb.load_rover(name)
     size = rover.wheelbase

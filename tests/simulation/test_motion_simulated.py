@@ -52,7 +52,7 @@ def test_odometry_over_rocks():
     assert flat > 1.5 * blind
 
 
-def test_slip_over_rocks_is_mujocos(mars):
+def test_slip_over_rocks_equals_that_of_mujoco(mars):
     rover, _, run = mars
     slip = estimated_slip(rover, run)
     on_ground = np.isfinite(run["slip_ratio"].values)
@@ -80,7 +80,7 @@ def test_slip_follows_friction_on_a_slope():
     assert slid.attrs["wheel_rate_error_share"] < 0.02, "while its wheels hold their rates"
 
 
-def test_commands_as_the_ground_asks_slip_less_than_equal_ones():
+def test_rates_from_the_terrain_cause_less_slip_than_equal_rates():
     rover, height, speed = paper_rover(), 0.05, 0.05
     x, y = np.arange(-1.0, 2.0, 0.01), np.arange(-0.6, 0.6, 0.01)
     z = np.zeros((len(y), len(x)))

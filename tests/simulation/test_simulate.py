@@ -51,14 +51,14 @@ class TestCrossing:
             assert np.degrees(apart[f"contact angle {name}"].rms) < 0.6
             assert apart[f"contact angle {name}"].count == 1801
 
-    def test_it_got_there_as_told(self, crossing: xr.Dataset) -> None:
+    def test_the_rover_reaches_the_end_of_the_path(self, crossing: xr.Dataset) -> None:
         assert crossing.attrs["status_summary"] == "1801 of 1801 stations settled"
         assert crossing["x"][-1] == pytest.approx(3.6, abs=0.02)
         assert float(np.abs(crossing["x"] - SPEED * crossing["time"]).max()) < 0.03
         assert float(np.abs(crossing["y"]).max()) < 0.08  # the body sways by 0.39 m · sin(10 deg)
         assert np.degrees(float(np.abs(crossing["yaw"]).max())) < 3
 
-    def test_wheels_turn_as_the_kinematics_say(self, crossing: xr.Dataset) -> None:
+    def test_wheel_rates_are_those_of_the_kinematics(self, crossing: xr.Dataset) -> None:
         """Rates agree with `drive` there: half of them within 3 %, 99 % within 15 %."""
         run = rb.drive(rb.load_rover("elhami-dashti"), rb.surfaces.paper(), rb.Path.straight((0, 0), 0.0, 3.6), SPEED, step=0.002)
         planned = np.stack([np.interp(crossing["x"], run["x"], run["wheel_rate"][:, k]) for k in range(6)], axis=-1)
@@ -83,7 +83,7 @@ class TestCrossing:
         world = np.stack([crossing[f"{name}_rate"].values for name in "xyz"], axis=-1)
         np.testing.assert_allclose(np.einsum("nij,nj->ni", T[:, :3, :3], twist), world, atol=1e-12)
 
-    def test_the_ground_bears_the_rover(self, crossing: xr.Dataset) -> None:
+    def test_contact_forces_sum_to_the_weight(self, crossing: xr.Dataset) -> None:
         """On the flat: the forces add up to the weight, and every tread is 0.1 mm in."""
         flat = crossing.sel(time=10.0, method="nearest")
         assert float(flat["contact_force"].sum()) == pytest.approx(rb.load_rover("elhami-dashti").mass * 9.81, rel=1e-3)
@@ -97,7 +97,7 @@ class TestCrossing:
         assert all(run[name].dims == crossing[name].dims for name in run.data_vars)
 
 
-def test_it_follows_a_bend(turning: xr.Dataset) -> None:
+def test_an_arc_is_followed(turning: xr.Dataset) -> None:
     path = rb.Path.arc((0, 0), 0.2, 1.5, 0.8)
     at = path.sample(np.minimum(turning["time"].values * 0.05, path.length))
     assert np.hypot(turning["x"] - at.x, turning["y"] - at.y).max() < 0.02
@@ -105,7 +105,7 @@ def test_it_follows_a_bend(turning: xr.Dataset) -> None:
     assert float(turning["z"].std()) < 1e-4
 
 
-def test_the_same_commands_lead_to_the_same_place(turning: xr.Dataset) -> None:
+def test_the_same_commands_lead_to_the_same_position(turning: xr.Dataset) -> None:
     """Recorded commands, open loop from the same start, end within 1 cm and 0.5 deg."""
     commands = xr.Dataset({"wheel_rate": turning["wheel_rate_command"], "steering": turning["steering_command"]})
     commands = commands.assign_coords(time=turning["time"] + 5.0)
@@ -116,14 +116,14 @@ def test_the_same_commands_lead_to_the_same_place(turning: xr.Dataset) -> None:
     assert abs(np.degrees(end["yaw"] - same["yaw"])) < 0.5
 
 
-def test_it_says_when_the_rover_tips() -> None:
+def test_tipping_is_reported() -> None:
     side = rb.surfaces.plane(np.radians(52), np.pi / 2)
     run = rb.simulate(rb.load_rover("rocky7"), side, rb.Path.straight((-1, 0), 0.0, 2.0), 0.05, friction=2.0)
     assert run["status"][-1] == rb.Status.TIPPED
     assert float(run["time"][-1]) < 30
 
 
-def test_commands_can_take_it_off_the_map() -> None:
+def test_commands_that_lead_off_the_map_are_reported() -> None:
     """Open loop over the rim: it ends there, and says so."""
     commands = xr.Dataset(
         {"wheel_rate": (("time", "wheel"), np.full((2, 6), 3.0)), "steering": (("time", "wheel"), np.zeros((2, 6)))},
@@ -141,7 +141,7 @@ def test_a_drive_shorter_than_its_interval() -> None:
     assert run.sizes["time"] == 2
 
 
-def test_a_rover_that_does_not_get_there_says_so() -> None:
+def test_a_rover_that_does_not_arrive_is_reported() -> None:
     rover, way = rb.load_rover("rocky7"), rb.Path.straight((0, 0), 0.0, 0.5)
     assert rb.simulate(rover, FLAT, way, 0.1).attrs["short_of_end"] < 0.02, "within a step of the follower"
     stuck = rb.simulate(rover, FLAT, way, 0.1, friction=0.0)
@@ -177,7 +177,7 @@ def orders(values: np.ndarray, time: list[float], dim: str = "wheel") -> xr.Data
         ({"commands": orders(np.ones((2, 6)), [0, 1])}, "does not steer"),
     ],
 )
-def test_a_call_that_cannot_be_answered_says_why(change: dict[str, object], says: str) -> None:
+def test_invalid_calls_are_refused(change: dict[str, object], says: str) -> None:
     call: dict[str, object] = {"path": rb.Path.straight((0, 0), 0.0, 1.0), "speed": 0.05} | change
     with pytest.raises(rb.RockerbogieError, match=says):
         rb.simulate(rb.load_rover("rocky7"), FLAT, **call)  # type: ignore[arg-type]
@@ -188,12 +188,12 @@ class TestCompare:
     def run(self) -> xr.Dataset:
         return rb.drive(rb.load_rover("rocky7"), FLAT, rb.Path.straight((0, 0), 0.0, 1.0))
 
-    def test_a_run_with_itself(self, run: xr.Dataset) -> None:
+    def test_a_run_compared_with_itself_has_no_difference(self, run: xr.Dataset) -> None:
         result = rb.compare(run, run)
         assert all(c.rms == c.worst == 0 and c.count == 101 for c in result.channels)
         assert len(result.channels) == 12
 
-    def test_differences_put_in(self, run: xr.Dataset) -> None:
+    def test_inserted_differences_are_measured(self, run: xr.Dataset) -> None:
         other = run.copy(deep=True)
         other["z"][:] += 0.001
         other["bogie"][30, 1] -= 0.02
@@ -215,10 +215,10 @@ class TestCompare:
         }
         assert "z                     1.0000    1.0000 mm" in str(result)
 
-    def test_settled_along_a_drive_is_the_drive(self, run: xr.Dataset) -> None:
+    def test_settle_along_a_drive_equals_the_drive(self, run: xr.Dataset) -> None:
         assert rb.compare(rb.settle_along(rb.load_rover("rocky7"), FLAT, run), run)["pitch"].worst == 0
 
-    def test_only_at_equal_places(self, run: xr.Dataset) -> None:
+    def test_runs_are_compared_at_equal_positions_only(self, run: xr.Dataset) -> None:
         rover, ground = rb.load_rover("rocky7"), rb.surfaces.rough(2, size=8.0)
         run = rb.drive(rover, ground, rb.Path.straight((0, 0), 0.0, 1.0))
         aside = rb.drive(rover, ground, rb.Path.straight((0, 0.25), 0.0, 1.0), step=0.02)

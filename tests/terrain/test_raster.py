@@ -73,7 +73,7 @@ def test_real_rasters_are_as_rasterio_samples_them(data: Callable[[str], Path], 
     ],
     ids=["north up", "south up", "east to west", "both"],
 )
-def test_however_it_lies_in_the_file(write: Callable[..., Path], transform: Affine) -> None:
+def test_any_orientation_in_the_file_gives_the_same_terrain(write: Callable[..., Path], transform: Affine) -> None:
     path = write(RELIEF, transform=transform)
     terrain = rb.Terrain.from_raster(path)
     assert terrain.spacing == (0.5, 0.25)
@@ -126,7 +126,7 @@ def test_another_band(write: Callable[..., Path]) -> None:
     assert np.array_equal(heights, (RELIEF + 1)[::-1].astype(float))
 
 
-def test_a_window_is_a_piece_of_the_whole(write: Callable[..., Path]) -> None:
+def test_a_window_equals_that_part_of_the_whole(write: Callable[..., Path]) -> None:
     path = write(RELIEF)
     whole, part = rb.Terrain.from_raster(path), rb.Terrain.from_raster(path, window=(501001.0, 1997.6, 501003.25, 5000.0))
     assert part.bounds == (501001.25, 1997.625, 501003.25, 1999.875)  # centres within; beyond the file there is nothing
@@ -139,7 +139,7 @@ def refused(path: Path, sentence: str, **options: Any) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_files_that_are_not_there_or_no_rasters(tmp_path: Path) -> None:
+def test_missing_files_and_other_files_are_refused(tmp_path: Path) -> None:
     refused(tmp_path / "nowhere.tif", "no file '.*nowhere.tif'")
     (tmp_path / "words.tif").write_text("not a raster")
     refused(tmp_path / "words.tif", "words.tif' is not a raster that GDAL can read")
@@ -153,7 +153,7 @@ def test_a_file_cut_short(write: Callable[..., Path]) -> None:
 
 
 @pytest.mark.parametrize("band", [0, 2, -1])
-def test_bands_that_are_not_there(write: Callable[..., Path], band: int) -> None:
+def test_missing_bands_are_refused(write: Callable[..., Path], band: int) -> None:
     refused(write(RELIEF), rf"has 1 band\(s\), counted from 1; band {band} is not one", band=band)
 
 
@@ -176,9 +176,7 @@ def test_bands_that_are_not_there(write: Callable[..., Path], band: int) -> None
     ],
     ids=["rotated", "identity", "no place", "degrees", "westing", "slopes"],
 )
-def test_grids_that_cannot_be_used_say_how_to_mend_them(
-    write: Callable[..., Path], options: dict[str, Any], sentence: str
-) -> None:
+def test_unusable_grids_are_refused_with_the_remedy(write: Callable[..., Path], options: dict[str, Any], sentence: str) -> None:
     refused(write(RELIEF, **options), sentence)
 
 
@@ -195,7 +193,7 @@ def test_complex_numbers_are_not_heights(write: Callable[..., Path]) -> None:
         ((501000, 1998, np.nan, 2000), "min below max"),
     ],
 )
-def test_windows_that_hold_nothing(write: Callable[..., Path], window: tuple[float, ...], sentence: str) -> None:
+def test_empty_windows_are_refused(write: Callable[..., Path], window: tuple[float, ...], sentence: str) -> None:
     refused(write(RELIEF), sentence, window=window)
 
 
@@ -238,20 +236,20 @@ def test_heights_that_a_scale_makes_absurd_are_refused(write: Callable[..., Path
         (Affine(0.5, 0, 1e12, 0, -0.5, 0), r"reaches to x = 1e\+12 m"),
     ],
 )
-def test_places_that_lose_digits_are_refused(write: Callable[..., Path], transform: Affine, sentence: str) -> None:
+def test_coordinates_that_lose_digits_are_refused(write: Callable[..., Path], transform: Affine, sentence: str) -> None:
     path = write(RELIEF, transform=transform)
     refused(path, sentence)
     with pytest.raises(rb.TerrainError, match=sentence):
         open_ground(path, 1, "linear")
 
 
-def test_more_than_fits_asks_for_a_window(write: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_files_with_too_many_pixels_need_a_window(write: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rockerbogie.terrain.raster.MOST_PIXELS", 50)
     refused(write(RELIEF), "would be 9 x 12 pixels, more than 50: give a window")
     assert rb.Terrain.from_raster(write(RELIEF), window=(501001.0, 1997.6, 501003.25, 5000.0)).z.shape == (10, 5)
 
 
-def test_without_rasterio_there_is_a_way_out(write: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_rasterio_the_error_names_the_remedy(write: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> None:
     path = write(RELIEF)
     monkeypatch.setitem(sys.modules, "rasterio", None)
     refused(path, r"pip install 'rockerbogie\[geo\]'")

@@ -51,7 +51,7 @@ def test_paper_right_side_is_two_ramps_of_tan_0_3(paper: rb.Terrain) -> None:
     assert_close(off[np.abs(x[:, None] - corners).min(axis=1) > 1 / 75], 0, 1e-12, "m", "and no ripple beyond the rounding")
 
 
-def test_paper_bends_only_at_its_rounded_corners_and_within_the_seam(paper: rb.Terrain) -> None:
+def test_paper_terrain_is_curved_only_at_rounded_corners_and_in_the_seam(paper: rb.Terrain) -> None:
     x, h = np.linspace(-0.99, 4.99, 20001), 1e-4
     slope = paper.gradient(x, -TRACK)[:, 0]
     assert slope.max() <= 0.3 + 1e-9
@@ -109,7 +109,7 @@ def test_sine_is_a_sine_along_its_direction() -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize(("max_slope", "min_radius"), [(np.radians(25), 0.2), (np.radians(10), 1.0)])
-def test_rough_keeps_its_bounds_and_uses_them(seed: int, max_slope: float, min_radius: float) -> None:
+def test_rough_reaches_but_does_not_exceed_its_bounds(seed: int, max_slope: float, min_radius: float) -> None:
     ground = surfaces.rough(seed, max_slope=max_slope, min_radius=min_radius)
     x = np.linspace(-2.9, 2.9, 1161)  # four to a cell
     slope = ground.gradient(x, x[:, None])
@@ -120,7 +120,7 @@ def test_rough_keeps_its_bounds_and_uses_them(seed: int, max_slope: float, min_r
     assert min_radius <= 1 / curvature < 1.4 * min_radius
 
 
-def test_fractal_has_the_roughness_and_hurst_exponent_asked_for() -> None:
+def test_fractal_has_the_given_roughness_and_hurst_exponent() -> None:
     baselines = np.array([0.2, 0.5, 1.0, 2.0])
     for hurst, rms_slope in ((0.65, np.radians(5)), (0.8, np.radians(2))):
         square = np.zeros(4)
@@ -136,7 +136,7 @@ def test_fractal_has_the_roughness_and_hurst_exponent_asked_for() -> None:
 
 
 @pytest.mark.parametrize("k", [0.05, 0.1, 0.2])
-def test_rocks_keep_golombeks_law(k: float) -> None:
+def test_rocks_have_golombek_s_size_distribution(k: float) -> None:
     q = 1.79 + 0.152 / k
     size, smallest, largest = 25.0, 0.1, 1.5
     x, y, diameter = golombek_rocks(k, (size, size), 5, smallest=smallest, largest=largest)
@@ -152,7 +152,7 @@ def test_rocks_keep_golombeks_law(k: float) -> None:
     assert 0.25 * diameter[0] < ground.z.max() < 0.6 * diameter[0]
 
 
-def test_rocks_lie_on_their_base_and_leave_the_rest_alone() -> None:
+def test_rocks_change_the_base_only_where_they_are() -> None:
     base = surfaces.sine(spacing=0.05)
     ground = surfaces.rocks(0.1, 3, base=base)
     higher = ground.z - base.z
@@ -174,7 +174,7 @@ def test_mars_holds_craters_and_rocks() -> None:
 
 
 @pytest.mark.parametrize("make", [surfaces.rough, surfaces.rocks, surfaces.mars, surfaces.fractal], ids=lambda f: f.__name__)
-def test_a_seed_is_the_ground(make) -> None:
+def test_a_seed_determines_the_terrain(make) -> None:
     size = {"size": 6.0, "spacing": 0.02}
     assert np.array_equal(make(seed=1, **size).z, make(seed=1, **size).z)
     assert not np.array_equal(make(seed=1, **size).z, make(seed=2, **size).z)
@@ -224,6 +224,6 @@ def test_each_has_its_sizes_as_keywords_and_a_name(name: str) -> None:
         (lambda: surfaces.plane(interpolation="quintic"), "interpolation 'quintic' is not known"),
     ],
 )  # fmt: skip
-def test_sizes_that_cannot_be_say_why(call, sentence: str) -> None:
+def test_impossible_sizes_are_refused(call, sentence: str) -> None:
     with pytest.raises(rb.TerrainError, match=sentence):
         call()

@@ -66,7 +66,7 @@ def test_linear_is_bilinear() -> None:
     assert_close(terrain.gradient(x, y), np.divide(slope, 2 * h), 1e-8, "m/m", "central differences inside a cell")
 
 
-def test_cubic_bends_without_a_jump_across_grid_lines() -> None:
+def test_cubic_curvature_is_continuous_across_grid_lines() -> None:
     """Value, slope and curvature agree on both sides of every grid line."""
     terrain = rb.Terrain.from_array(rough(4), (0.3, 0.7))
     rng = np.random.default_rng(0)
@@ -113,7 +113,7 @@ def test_normal_is_the_slopes(kind: Any) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_mirrored_turned_and_lifted_grounds_agree(kind: Any) -> None:
+def test_mirrored_rotated_and_lifted_terrains_agree(kind: Any) -> None:
     z = rough(7)
     terrain = rb.Terrain.from_array(z, (0.3, 0.7), interpolation=kind)
     rng = np.random.default_rng(0)
@@ -135,7 +135,7 @@ def test_mirrored_turned_and_lifted_grounds_agree(kind: Any) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("origin", [(8e6, -8e6), (-273_417.85, 4_141_909.3)])
-def test_a_far_origin_costs_only_the_last_digits_of_the_place(kind: Any, origin: tuple[float, float]) -> None:
+def test_a_far_origin_costs_only_the_last_digits_of_a_position(kind: Any, origin: tuple[float, float]) -> None:
     z = rough(8)
     near = rb.Terrain.from_array(z, (0.3, 0.7), interpolation=kind)
     far = rb.Terrain.from_array(z, (0.3, 0.7), origin, kind)
