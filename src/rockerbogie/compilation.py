@@ -1,4 +1,4 @@
-"""Compilation of all kernels in advance, by calls of the public functions on the smallest input."""
+"""Compilation of all kernels in advance, by calls of the public functions on small inputs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from ._kernels.jit import cache, notice
 from .errors import RockerbogieError
 
-#: Slope (rad) on which no rover stands: equilibrium mode then starts its second search.
+#: Slope (rad) on which no rover has an equilibrium: the mode then starts its second search.
 TOO_STEEP = 1.3
 
 #: Number of steps of `_steps`.
@@ -71,7 +71,7 @@ def _steps() -> Iterator[Callable[[], object]]:
     from .terrain import surfaces
 
     rover = load_rover("curiosity")
-    far = [0.0, 1e4]  # the second pose is off the map: left to the scalar kernels
+    far = [0.0, 1e4]  # the second pose is off the map, so it is computed by the scalar kernels
     for interpolation in ("cubic", "linear"):
         level = surfaces.plane(size=12.0, spacing=0.5, interpolation=interpolation)
         steep = surfaces.plane(TOO_STEEP, size=12.0, spacing=0.5, interpolation=interpolation)

@@ -17,17 +17,17 @@ from .errors import RockerbogieError
 #: Text that every file of this package carries: in its metadata, in a comment or in an attribute.
 SOURCE = f"rockerbogie {__version__}"
 _MARK = re.compile(rb"rockerbogie(_version| \d)")
-#: First columns of the CSV tables this package writes; CSV has no room for a mark.
+#: First columns of the CSV tables that this package writes: a CSV file cannot hold a mark.
 _TABLES = (
     "time [s],distance [m],x [m],y [m],",
     "x [m],y [m],yaw [rad],distance [m],cost [m],tilt [rad]",
     "place,x [m],y [m],yaw [deg],status,",
 )
-#: Files that people edit after they were written count as theirs.
+#: Files that users edit after they were written: they are not replaced without `force`.
 _EDITED = frozenset({".toml", ".urdf", ".sdf", ".xml", ".obj", ".md"})
 #: Files beside a raster that GDAL reads along with it, by the ending they add to its name.
 _SIDECARS = (".aux.xml", ".ovr", ".msk")
-#: What GDAL writes into an .aux.xml along with statistics, taken from the raster itself.
+#: Entries that GDAL copies from the raster into an .aux.xml, along with statistics.
 _COPIED = frozenset({"Histograms", "Description", "UnitType", "ColorInterp"})
 _RASTERS = frozenset({".tif", ".tiff", ".png", ".nc"})
 
@@ -58,7 +58,7 @@ def check_outputs(outputs: Iterable[str | Path], inputs: Iterable[str | Path] = 
         if path.is_dir() and path.suffix.lower() != ".zarr":
             raise RockerbogieError(f"{str(path)!r} is a folder: give the name of a file")
         if path.is_dir() and not (path / "zarr.json").exists() and not (path / ".zgroup").exists():
-            raise RockerbogieError(f"{str(path)!r} is a folder and no Zarr group: give another name")
+            raise RockerbogieError(f"{str(path)!r} is a folder but not a Zarr group: give another name")
         for file in [path, *(side for side in sidecars(path) if not _is_statistics(side))]:
             if os.path.lexists(file) and not force and not is_ours(file):
                 raise RockerbogieError(
@@ -155,6 +155,7 @@ def _is_statistics(path: Path) -> bool:
 
 
 def _why(path: Path) -> str:
+    """Return the reason for which an existing file is not replaced."""
     if path.suffix.lower() in _EDITED and not path.name.endswith(".aux.xml"):
         return "may have been edited"
     return "was not written by rockerbogie"
@@ -166,6 +167,7 @@ def _key(path: Path) -> str:
 
 
 def _check_not_input(path: Path, read: list[Path]) -> None:
+    """Raise if an output is an input or lies in an input folder."""
     key = _key(path)
     for file in read:
         same = path.exists() and file.exists() and os.path.samefile(path, file)

@@ -188,16 +188,10 @@ def read_columns(path: Path) -> Table:
     begin with # are skipped. UTF-8 and UTF-16 are read.
 
     Args:
-        path: the file.
-
-    Returns:
-        A `Table`: a mapping from column names to values in SI. A column that nobody uses is never converted.
-
-    Args:
         path: the CSV file.
 
     Returns:
-        Name → values (n,), SI and rad; NaN where a cell is empty.
+        A `Table`: column name → values (n,) in SI and rad, NaN where a cell is empty. Columns are converted at first use.
 
     Raises:
         RockerbogieError: the file cannot be read, or has no rows of numbers.

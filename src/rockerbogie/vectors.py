@@ -80,7 +80,7 @@ def read_features(file: str | Path, layer: str | None = None) -> Features:
         raise RockerbogieError(f"{name} has no layer {layer!r}; it has {', '.join(known)}")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # several layers and no name: the first is meant
+            warnings.simplefilter("ignore")  # several layers and no name: the first one is read
             meta, _, geometry, columns = pyogrio.raw.read(file, layer=layer, force_2d=True)
     except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError, ValueError) as error:
         raise RockerbogieError(f"{str(file)!r} is not a vector file that GDAL can read: {_short(error)}") from None
@@ -132,6 +132,7 @@ def require_vectors() -> None:
 
 
 def _libraries() -> tuple[Any, Any]:
+    """Return the modules pyogrio and shapely; raise if one is not installed."""
     require_vectors()
     import pyogrio
     import pyogrio.raw
@@ -141,12 +142,13 @@ def _libraries() -> tuple[Any, Any]:
 
 
 def _check_there(file: str | Path) -> None:
+    """Raise if a file does not exist. Names of GDAL's virtual file systems are not checked."""
     if not Path(file).exists() and not str(file).startswith("/vsi"):
         raise RockerbogieError(f"no file {str(file)!r}")
 
 
 def _check_geojson(name: str, shapes: NDArray[Any], crs: str | None) -> None:
-    """Refuse metres in a file that, naming no CRS, is longitude and latitude by its standard."""
+    """Raise if coordinates that are declared as WGS84 cannot be longitude and latitude."""
     if crs != "EPSG:4326" or not len(shapes):
         return
     reach = max(max(abs(v) for v in shape.bounds[::2]) / 180 for shape in shapes)
@@ -159,4 +161,5 @@ def _check_geojson(name: str, shapes: NDArray[Any], crs: str | None) -> None:
 
 
 def _short(error: Exception) -> str:
+    """Return an error's message on one line."""
     return " ".join(str(error).split())

@@ -122,7 +122,7 @@ def test_results_of_another_schema_are_not_compared(figures: dict, tmp_path, cap
     file = tmp_path / "old.json"
     file.write_text(json.dumps({**figures, "schema": bench.SCHEMA - 1}))
     assert main(["bench", "--compare", str(file)]) == 2
-    assert "save it anew" in capsys.readouterr().err
+    assert "save it again" in capsys.readouterr().err
 
 
 def test_a_missing_file_to_compare_with_is_refused(tmp_path, capsys) -> None:

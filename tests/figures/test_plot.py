@@ -103,7 +103,7 @@ def test_a_long_drive_is_filmed_from_nearby(rover: rb.Rover, tmp_path: Path) -> 
 
 
 BAD: dict[str, tuple[Callable[[rb.Rover, rb.Terrain, xr.Dataset], Any], str]] = {
-    "two poses": (lambda rover, ground, run: rb.plot.pose(rb.settle(rover, ground, [0, 1], 0)), "holds 2: pick one"),
+    "two poses": (lambda rover, ground, run: rb.plot.pose(rb.settle(rover, ground, [0, 1], 0)), "has 2: select one"),
     "no pose": (lambda rover, ground, run: rb.plot.pose(rb.settle(rover, ground, 99, 0)), "is NaN"),
     "ending": (lambda rover, ground, run: rb.plot.run(run, "a.bmp"), "end it in .png"),
     "film": (lambda rover, ground, run: rb.plot.film(run, "a.avi"), "end it in .gif or .mp4"),

@@ -1,7 +1,8 @@
 """Benchmarks, as ratios to baselines timed in the same run (docs/bench.md).
 
-Machines differ and are busy, so a time says little by itself: each case is timed beside the paper's own way, fsolve on
-eqs (13), and beside drops in MuJoCo, on the same ground and the same places, warm, in one run; Jacobians beside Pinocchio's.
+Machines differ and are busy, so an absolute time is of little use. Each case is timed together with two baselines: the
+paper's method (fsolve on eqs 13) and MuJoCo lowering the rover, on the same terrain and poses, warm, in one run. Jacobians
+are timed together with Pinocchio's.
 """
 
 from __future__ import annotations
@@ -28,40 +29,46 @@ __all__ = ["SCHEMA", "Case", "Result", "cases", "figures", "machine", "places", 
 
 Array = NDArray[np.float64]
 
-#: Of the saved figures; raised when a name goes or changes its meaning, not when one comes.
+#: Version of the saved figures: raised when a name is removed or changes its meaning, not when one is added.
 SCHEMA = 3
 GROUP = 16  # poses timed together for the percentiles
-FINE = 2881  # points of a rim: as many as it takes fsolve to come within a micrometre at every second place of 5 cm noise
-LONG = 0.1  # s: as long a call, at least, tells what threads gain and not what it takes to wake them
+FINE = 2881  # rim points with which fsolve has an error below 1e-6 m in half of the poses on 5 cm noise
+LONG = 0.1  # s: least duration of a call that measures the gain of threads, not the cost of waking them
 
 
 @dataclass(frozen=True)
 class Result:
-    """Results of one case: µs per pose on one thread unless stated, gaps (m) of converged poses."""
+    """Results of one case: µs per pose on one thread unless stated; gaps of converged poses, m."""
 
     name: str
     poses: int
     settled: float  # share of the poses
-    us: float  # scattered places, each from a cold start
-    us_p50: float  # of groups of GROUP poses, the call's own cost taken off
+    us: float  # scattered poses, each from a cold start
+    us_p50: float  # of groups of GROUP poses, without the cost of a call
     us_p99: float
-    us_along: float  # places one after another on a line
+    us_along: float  # poses one after another on a line
     threads: int
-    us_all_threads: float  # by the clock on the wall
-    speedup: float  # and one thread's over it, by the same clock
+    us_all_threads: float  # wall-clock time
+    speedup: float  # wall-clock time of one thread over that of all
     poses_per_s: float
     poses_per_s_all_threads: float
     worst_gap: float
     within_1e_9: float  # share of the converged with all six gaps within 1e-9 m of zero
     within_1e_6: float
     baseline_us: dict[str, float]  # "hub", "point", "coarse", "rim": fsolve's; "mujoco": a drop's
-    baseline_solved: dict[str, float]  # share of the places each was given
-    baseline_gap: dict[str, float | None]  # m: the worst gap of its answers, the median
+    baseline_solved: dict[str, float]  # share of the poses that it solves
+    baseline_gap: dict[str, float | None]  # m: median over its poses of the worst of six gaps
     ratios: dict[str, float]  # the baseline's time over `us`
 
 
 def run_case(case: Case, poses: int = 10_000, baseline_poses: int = 20, drops: int = 2) -> Result:
     """Time one case: scattered poses and poses along a line, on one thread and on all.
+
+    Args:
+        case: rover and terrain.
+        poses: number of scattered poses, and of poses on the line.
+        baseline_poses: number of the poses that fsolve settles, per contact model.
+        drops: number of the poses that MuJoCo settles.
 
     Returns:
         The results.
@@ -72,7 +79,7 @@ def run_case(case: Case, poses: int = 10_000, baseline_poses: int = 20, drops: i
     def settled() -> object:
         return settle(case.rover, case.terrain, x, y, yaw)
 
-    pose = settle(case.rover, case.terrain, x, y, yaw)  # compiles, warms
+    pose = settle(case.rover, case.terrain, x, y, yaw)  # compiles and warms up
     with threads(1):
         groups = _groups(case, x, y, yaw)
         whole = best(settled) / poses
@@ -106,7 +113,7 @@ def run_case(case: Case, poses: int = 10_000, baseline_poses: int = 20, drops: i
 
 
 def _groups(case: Case, x: Array, y: Array, yaw: Array) -> Array:
-    """Seconds a pose of each group of `GROUP`."""
+    """Return the seconds per pose of each group of `GROUP` poses, without the cost of a call."""
     none = np.empty(0)
     call = best(lambda: settle(case.rover, case.terrain, none, none, none), 200)
     return np.array([timed(_part(case, x, y, yaw, k)) - call for k in range(0, len(x) - GROUP + 1, GROUP)]) / GROUP
@@ -120,7 +127,17 @@ def _part(case: Case, x: Array, y: Array, yaw: Array, first: int) -> Callable[[]
 def figures(
     poses: int = 10_000, baseline_poses: int = 20, drops: int = 2, raster: Terrain | None = None
 ) -> Iterator[tuple[str, int, dict[str, object]]]:
-    """Time all cases; yield (what was timed, number of steps, all figures so far) after each."""
+    """Time all cases and costs, one step at a time.
+
+    Args:
+        poses: number of poses per case.
+        baseline_poses: as `run_case`.
+        drops: as `run_case`.
+        raster: terrain of one more case.
+
+    Yields:
+        After each step: its name, the number of steps, and all figures so far (docs/bench.md).
+    """
     every = cases(raster)
     steps = len(every) + 4
     done: list[dict[str, object]] = []

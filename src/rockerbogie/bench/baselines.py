@@ -23,23 +23,35 @@ from .clock import each
 Array = NDArray[np.float64]
 NAN = float("nan")
 
-#: A drop: its step, s; contacts without friction, stiff; damping of each joint over its own inertia, 1/s; lowered from so far
-#: above the ground, m; at rest when no joint moves by STILL (m, rad) in BLOCK steps.
+#: Lowering in MuJoCo: time step, s; stiffness of the frictionless contacts; damping of each joint over its inertia, 1/s;
+#: clearance at the start, m. The rover is at rest when no joint moves by more than STILL (m, rad) in BLOCK steps.
 TIMESTEP, SOLIMP, DAMPING, CLEAR = 0.004, (0.99, 0.999, 0.001, 0.5, 2.0), 8.0, 0.003
 STILL, BLOCK, MOST_BLOCKS = 1e-6, 10, 300
 
 
 @dataclass(frozen=True)
 class Baseline:
-    """Another method to settle: medians over the poses it solves (a failure is not a time)."""
+    """Another method to settle: medians over the poses that it solves (failures have no time)."""
 
     seconds: float
-    solved: float  # share of the places
-    gap: float  # m, the worst of six, as the ground is: what its answers are wrong by
+    solved: float  # share of the poses
+    gap: float  # m: worst of six gaps of its poses, over the true terrain
 
 
 def fsolve_baseline(case: Case, x: Array, y: Array, yaw: Array, contact: Contact, points: int = RIM_POINTS) -> Baseline:
-    """Time the paper's method on one thread, with wheels without width."""
+    """Time the paper's method on one thread, with wheels of width 0.
+
+    Args:
+        case: rover and terrain.
+        x: (n,) m.
+        y: (n,) m.
+        yaw: (n,) rad.
+        contact: as `fsolve_settle`.
+        points: as `fsolve_settle`.
+
+    Returns:
+        Median CPU time, share of poses solved, and median of the worst of six gaps.
+    """
     discs = case.rover.replace(wheel_width=np.zeros(6))
     spent, gaps = [], []
     with threads(1):
@@ -53,10 +65,20 @@ def fsolve_baseline(case: Case, x: Array, y: Array, yaw: Array, contact: Contact
 
 
 def drop_baseline(case: Case, x: Array, y: Array, yaw: Array) -> Baseline:
-    """Time MuJoCo lowering the rover to equilibrium, another pose, so without gaps.
+    """Time MuJoCo lowering the rover to equilibrium.
 
-    x, y and yaw are held (the body has joints up, pitch and roll alone), wheels are braked cylinders, contacts frictionless, and
-    the steps alone are counted: not the building of the model.
+    x, y and yaw are fixed: the body has joints for z, pitch and roll only. Wheels are cylinders that do not turn, contacts
+    have no friction, and joints are damped. Only simulation steps are timed, not the construction of the model. The result
+    is another pose than that of `settle`, so it has no gaps.
+
+    Args:
+        case: rover and terrain.
+        x: (n,) m.
+        y: (n,) m.
+        yaw: (n,) rad.
+
+    Returns:
+        Median CPU time and share of poses that come to rest; gap NaN.
     """
     spent = [_drop(case.rover, case.terrain, *place) for place in zip(x, y, yaw, strict=True)]
     done = [seconds for seconds in spent if np.isfinite(seconds)]
@@ -64,10 +86,12 @@ def drop_baseline(case: Case, x: Array, y: Array, yaw: Array) -> Baseline:
 
 
 def _median(spent: list[float]) -> float:
+    """Return the median of some times, or NaN of none."""
     return float(np.median(spent)) if spent else NAN
 
 
 def _drop(rover: Rover, terrain: Terrain, x: float, y: float, yaw: float) -> float:
+    """Return the CPU time of one rover coming to rest in MuJoCo, s; NaN if it does not."""
     import mujoco
 
     reach = float(np.abs(rover.hubs[:, :2]).sum(axis=1).max() + rover.wheel_radius.max() + rover.wheel_width.max())
@@ -99,7 +123,7 @@ def _drop(rover: Rover, terrain: Terrain, x: float, y: float, yaw: float) -> flo
 
 
 def _height(rover: Rover, terrain: Terrain, x: float, y: float, yaw: float) -> float:
-    """Height of the level body at which its treads and belly clear the ground, m."""
+    """Return the z at which a body with all angles 0 is just above the terrain, m."""
     low = []
     for hub, r, width in zip(rover.hubs, rover.wheel_radius, rover.wheel_width, strict=True):
         u, v = (a.ravel() for a in np.meshgrid(np.linspace(-r, r, 25), np.linspace(-width / 2, width / 2, 5)))
@@ -112,10 +136,18 @@ def _height(rover: Rover, terrain: Terrain, x: float, y: float, yaw: float) -> f
 
 
 def pinocchio_seconds(rover: Rover, calls: int = 200, repeats: int = 50) -> tuple[float, float] | None:
-    """Time Pinocchio's frames and six wheel Jacobians per configuration; None if not installed.
+    """Time Pinocchio's frames and six wheel Jacobians per configuration.
 
-    First with what its calls from Python cost taken off (the same calls on a model without joints; for a frame's Jacobian,
-    which takes no such model, with one joint), then as called from Python. It has no call that takes a batch.
+    Pinocchio has no call for a batch. The overhead of its Python calls is measured by the same calls on a model without
+    joints; for the Jacobian of a frame, which needs a joint, on a model with one joint.
+
+    Args:
+        rover: exported to URDF for Pinocchio.
+        calls: configurations per measurement.
+        repeats: number of measurements, of which the fastest counts.
+
+    Returns:
+        Seconds per configuration without the overhead, and with it; None if Pinocchio is not installed.
     """
     try:
         import pinocchio as pin  # type: ignore[import-untyped]

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Case:
-    """One ground, one rover."""
+    """Rover and terrain of a benchmark."""
 
     name: str
     rover: Rover
@@ -52,7 +52,9 @@ def cases(raster: Terrain | None = None) -> list[Case]:
 
 
 def smooth_case() -> Case:
-    """The paper's rover on cubic ground with slopes of 15 deg at most and no radius below 0.5 m.
+    """Return the paper's rover on smooth cubic terrain.
+
+    Slopes are at most 15 deg, radii of curvature at least 0.5 m.
 
     Returns:
         The case.
@@ -62,19 +64,43 @@ def smooth_case() -> Case:
 
 
 def rough_case(nodes: int) -> Case:
-    """Rocky 7 without width on linear ground, every node a centimetre off by chance, 5 cm apart."""
+    """Return Rocky 7 with wheels of width 0 on linear terrain of random heights.
+
+    Heights are normally distributed with a standard deviation of 1 cm; nodes are 5 cm apart.
+
+    Args:
+        nodes: nodes a side.
+
+    Returns:
+        The case.
+    """
     noise = np.random.default_rng(0).normal(size=(nodes, nodes)) * 0.01
     ground = Terrain.from_array(noise, 0.05, interpolation="linear", name="1 cm noise")
     return Case("rough 5 cm, thin disc", load_rover("rocky7").replace(wheel_width=np.zeros(6)), ground)
 
 
 def rocky_ground(spacing: float) -> Terrain:
-    """Linear, a tenth of it rocks, down to 10 cm or the smallest that the grid can hold."""
+    """Return linear terrain with an area fraction of 0.1 of rocks.
+
+    Args:
+        spacing: of the nodes, m. The smallest rock has a diameter of 10 cm or two cells.
+
+    Returns:
+        The terrain, 40 m a side.
+    """
     return surfaces.rocks(0.1, 1, size=40.0, spacing=spacing, smallest=max(0.1, 2 * spacing))
 
 
 def places(case: Case, poses: int) -> tuple[Array, Array, Array]:
-    """Return seeded x, y, yaw (poses,) on the map, away from missing data."""
+    """Return seeded random positions and yaws on the map, outside missing data.
+
+    Args:
+        case: rover and terrain; positions keep a wheelbase from the edge.
+        poses: their number.
+
+    Returns:
+        x, y (m) and yaw (rad), (poses,) each.
+    """
     rng = np.random.default_rng(2)
     x0, y0, x1, y1 = case.terrain.bounds
     margin = case.rover.wheelbase

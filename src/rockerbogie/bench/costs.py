@@ -1,4 +1,4 @@
-"""Costs that do not depend on the terrain: a call, a start, six Jacobians, memory."""
+"""Costs that do not depend on the terrain: one call, a new process, six Jacobians, memory."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .baselines import pinocchio_seconds
 from .cases import places, smooth_case
 from .clock import best, each
 
-MOST = 200_000  # poses of a batch's Jacobians, over all its repeats
+MOST = 200_000  # Jacobians per measurement, over all repeats
 FIRST_SETTLE = "import rockerbogie as rb; print(rb.settle(rb.load_rover('curiosity'), rb.surfaces.plane(), 0.0, 0.0).status)"
 
 
@@ -39,7 +39,7 @@ def calls() -> dict[str, float]:
 
 
 def _children() -> float:
-    """Processor time of the processes that were started and have ended, s."""
+    """Return the CPU time of child processes that have ended, s."""
     spent = os.times()
     return spent.children_user + spent.children_system
 
@@ -52,17 +52,17 @@ def jacobians(poses: int = 2000, many: int = 100_000) -> dict[str, float]:
         many: poses of one large batch.
 
     Returns:
-        µs per pose: into memory that is used again, for many poses at once, without memory given; and Pinocchio's.
+        µs per pose: into memory that is reused, for many poses at once, into new memory; and Pinocchio's.
     """
     rover = load_rover("elhami-dashti")
 
-    def stance(count: int) -> SimpleStance:
+    def state(count: int) -> SimpleStance:
         rng = np.random.default_rng(3)
         rocker, bogie, contact, steering = (rng.normal(0, 0.2, (count, *tail)) for tail in ((), (2,), (6,), (6,)))
         return SimpleStance(rocker, bogie, contact, steering * rover.steers)
 
     def cost(count: int, *, given: bool) -> float:
-        at, out, frames = stance(count), np.zeros((count, 6, 6, 9)), np.zeros((count, 6, 4, 4))
+        at, out, frames = state(count), np.zeros((count, 6, 6, 9)), np.zeros((count, 6, 4, 4))
         memory = {"out": out, "frames": frames} if given else {}
         return 1e6 / count * best(lambda: wheel_jacobians(rover, at, **memory), max(MOST // count, 7))
 
@@ -77,7 +77,14 @@ def jacobians(poses: int = 2000, many: int = 100_000) -> dict[str, float]:
 
 
 def memory(poses: int = 250_000) -> dict[str, float]:
-    """Return the MB that a million poses on a grid take: kept, and at most while settling."""
+    """Measure the memory of a batch of poses on a grid.
+
+    Args:
+        poses: about this many.
+
+    Returns:
+        Number of poses, and MB per million of them: kept afterwards, and at most while settling.
+    """
     case = smooth_case()
     side = np.linspace(-2, 2, round(poses**0.5))
     settle(case.rover, case.terrain, side[:600], 0.0)

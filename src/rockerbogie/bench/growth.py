@@ -40,7 +40,15 @@ def growth(poses: int = 3000) -> dict[str, list[Row]]:
 
 
 def cost(case: Case, poses: int) -> float:
-    """µs a pose of the best of some calls."""
+    """Return the time per pose of the fastest of some calls.
+
+    Args:
+        case: rover and terrain.
+        poses: per call.
+
+    Returns:
+        µs.
+    """
     x, y, yaw = places(case, poses)
     settle(case.rover, case.terrain, x, y, yaw)
     return 1e6 * best(lambda: settle(case.rover, case.terrain, x, y, yaw), int(np.clip(10_000 // poses, 5, 200))) / poses

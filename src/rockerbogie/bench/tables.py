@@ -1,4 +1,4 @@
-"""The figures as tables: headings and rows of text, for a terminal or for a page."""
+"""Tables of the figures: headings and rows of text, for a terminal or a page."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Table:
-    """Headings, rows of as many texts, and a sentence on what is in them."""
+    """Table of text: caption, headings, and rows of as many cells."""
 
     caption: str
     headings: list[str]
@@ -27,7 +27,15 @@ class Table:
 
 
 def tables(figures: Mapping[str, Any], before: Mapping[str, float] | None = None) -> list[Table]:
-    """Every table of the figures; `before` has × rim of each case of another run."""
+    """Return all tables of the figures.
+
+    Args:
+        figures: the last yield of `bench.figures`.
+        before: case → ratio to "rim" in another run, for one more column.
+
+    Returns:
+        Times, quality, ratios, errors, growth, and other costs.
+    """
     cases = figures["cases"]
     count = cases[0]["threads"]
     times: list[tuple[str, Callable[[Any], str]]] = [
@@ -61,22 +69,22 @@ def tables(figures: Mapping[str, Any], before: Mapping[str, float] | None = None
     if before:
         ratios.append(("before", lambda c: f"{before[c['name']]:,.0f}" if c["name"] in before else "-"))
     return [
-        _of(cases, "µs a pose on one thread: mean, groups of 16, along a path; thousand poses/s", times),
+        _of(cases, "µs per pose on one thread: mean, groups of 16, along a path; thousand poses/s", times),
         _of(cases, "worst gap of converged poses, m; share within 1e-9, 1e-6 m; threads over one", quality),
-        _of(cases, "a baseline's time over ours (*: it fails at most places)", ratios),
-        _of(cases, "what fsolve's answers are wrong by: the worst of six gaps, m, median of its places", errors),
+        _of(cases, "time of a baseline over ours (*: it fails at most poses)", ratios),
+        _of(cases, "error of fsolve: worst of six gaps, m, median over its poses", errors),
         *_growth(figures["growth"]),
-        Table("and besides", ["what", "figure"], _besides(figures)),
+        Table("other costs", ["cost", "value"], _other_costs(figures)),
     ]
 
 
 def _three(value: float) -> str:
-    """To three digits."""
+    """Return a number with three digits."""
     return f"{value:,.{max(0, 2 - math.floor(math.log10(value)))}f}" if value > 0 else f"{value:.2g}"
 
 
 def _ratio(case: Mapping[str, Any], baseline: str) -> str:
-    """With a mark where the baseline failed at most of its places."""
+    """Return a ratio, with * if the baseline failed at most poses."""
     ratio, solved = case["ratios"][baseline], case["baseline_solved"][baseline]
     if not solved:
         return "fails"
@@ -95,8 +103,8 @@ def _of(cases: list[Any], caption: str, columns: list[tuple[str, Callable[[Any],
 
 def _growth(growth: Mapping[str, Any]) -> list[Table]:
     titles = {
-        "poses": ("poses", "poses in one call, smooth cubic ground"),
-        "nodes": ("nodes", "nodes of the map, rough ground, thin disc"),
+        "poses": ("poses", "poses in one call, smooth cubic terrain"),
+        "nodes": ("nodes", "nodes of the map, rough terrain, thin disc"),
         "cells": ("radius_over_cell", "wheel radius over cell size, rocks, whole tread"),
     }
     made = []
@@ -104,24 +112,24 @@ def _growth(growth: Mapping[str, Any]) -> list[Table]:
         heads = [
             f"{row[key]:,.0f}" if row[key] >= 100 or row[key] == int(row[key]) else f"{row[key]:.1f}" for row in growth[name]
         ]
-        made.append(Table(caption, ["", *heads], [["µs a pose", *(_three(row["us"]) for row in growth[name])]]))
+        made.append(Table(caption, ["", *heads], [["µs per pose", *(_three(row["us"]) for row in growth[name])]]))
     return made
 
 
-def _besides(figures: Mapping[str, Any]) -> list[list[str]]:
+def _other_costs(figures: Mapping[str, Any]) -> list[list[str]]:
     calls, jacobians, memory = figures["calls"], figures["jacobians"], figures["memory"]
     rows = [
         ["one pose in one call from Python", f"{calls['single_us']:.1f} µs"],
-        ["a new process to its first pose, kernels compiled before", f"{calls['first_settle_s']:.2f} s"],
-        ["memory of a million poses, at most while settling", f"{memory['kept_mb']:.0f} MB, {memory['peak_mb']:.0f} MB"],
-        [f"frames and Jacobians of six wheels, batches of {jacobians['poses']:,}", f"{jacobians['us']:.3f} µs a pose"],
-        [f"the same, {jacobians['many']:,} at once, into memory given", f"{jacobians['us_many']:.3f} µs a pose"],
-        ["the same, Jacobians alone, into new memory", f"{jacobians['us_many_new_memory']:.3f} µs a pose"],
+        ["first pose of a new process, kernels already compiled", f"{calls['first_settle_s']:.2f} s"],
+        ["memory of a million poses, and at most while settling", f"{memory['kept_mb']:.0f} MB, {memory['peak_mb']:.0f} MB"],
+        [f"frames and Jacobians of six wheels, batches of {jacobians['poses']:,}", f"{jacobians['us']:.3f} µs per pose"],
+        [f"the same, {jacobians['many']:,} at once, into existing memory", f"{jacobians['us_many']:.3f} µs per pose"],
+        ["the same, Jacobians alone, into new memory", f"{jacobians['us_many_new_memory']:.3f} µs per pose"],
     ]
     if "pinocchio_us" in jacobians:
         bare, called = jacobians["pinocchio_us"], jacobians["pinocchio_from_python_us"]
         rows += [
-            ["Pinocchio's, its calls' cost taken off", f"{bare:.2f} µs: × {jacobians['ratio']:.1f}"],
-            ["Pinocchio's, as called from Python", f"{called:.2f} µs: × {called / jacobians['us']:.0f}"],
+            ["Pinocchio, without the cost of its calls", f"{bare:.2f} µs: × {jacobians['ratio']:.1f}"],
+            ["Pinocchio, called from Python", f"{called:.2f} µs: × {called / jacobians['us']:.0f}"],
         ]
     return rows

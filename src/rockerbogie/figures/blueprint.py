@@ -1,4 +1,4 @@
-"""A rover with its dimensions: left side and plan, to scale, in millimetres."""
+"""Drawing of a rover with its dimensions: left side and plan, to scale, in millimetres."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def blueprint(rover: Rover, title: str = "") -> Figure:
 
 
 def _span(rover: Rover, axis: int) -> tuple[float, float]:
-    """Lowest and highest of the rover along y or z, m."""
+    """Return the lowest and highest coordinate of the rover along y (axis 1) or z (axis 2), m."""
     reach = np.maximum(rover.wheel_width / 2, 0.06 * rover.wheel_radius) if axis == 1 else rover.wheel_radius
     edges = [
         *(rover.hubs[:, axis] - reach),
@@ -58,7 +58,7 @@ def _span(rover: Rover, axis: int) -> tuple[float, float]:
 
 
 def _side(axes: Any, rover: Rover, length: float) -> None:
-    """The left side, forward to the left as one sees it from there."""
+    """Draw the rover from the left, forward to the left."""
     box, radius = rover.body_box, rover.wheel_radius
     axes.add_patch(Rectangle((box[0, 0], box[0, 2]), *(box[1] - box[0])[[0, 2]], fc=_BODY, ec=_FAINT, lw=1))
     rocker, bogie, hubs = rover.rocker_pivot[0], rover.bogie_pivot[0], rover.hubs[::2]
@@ -110,7 +110,7 @@ def _side(axes: Any, rover: Rover, length: float) -> None:
 
 
 def _plan(axes: Any, rover: Rover, length: float) -> None:
-    """From above, forward to the left."""
+    """Draw the rover from above, forward to the left."""
     box, shown = rover.body_box, np.maximum(rover.wheel_width, 0.12 * rover.wheel_radius)
     axes.add_patch(Rectangle((box[0, 0], box[0, 1]), *(box[1] - box[0])[:2], fc=_BODY, ec=_FAINT, lw=1))
     for i, hub in enumerate(rover.hubs):
@@ -152,7 +152,7 @@ def _plan(axes: Any, rover: Rover, length: float) -> None:
 def _measure(
     axes: Any, start: tuple[float, float], end: tuple[float, float], text: str, *, upright: bool = False, small: bool = False
 ) -> None:
-    """A dimension line with its number."""
+    """Draw a dimension line with its number."""
     axes.annotate("", end, start, arrowprops={"arrowstyle": "<->", "color": INK, "lw": 0.8, "shrinkA": 0, "shrinkB": 0})
     middle = ((start[0] + end[0]) / 2, (start[1] + end[1]) / 2)
     white = {"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none"}
@@ -165,4 +165,5 @@ def _measure(
 
 
 def _mm(metres: float) -> str:
+    """Return a length as text in millimetres."""
     return f"{1e3 * metres:.1f}".removesuffix(".0")

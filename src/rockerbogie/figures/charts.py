@@ -1,4 +1,4 @@
-"""Charts of a run: the map it crossed, and its angles along the path."""
+"""Charts of a run: the map that it crossed, and its angles along the path."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Bounds = tuple[float, float, float, float]
 
-#: A tilt counts as a limit of this size where a run has no limits of its own, rad.
+#: Limit of tilt for runs without limits of their own, rad.
 USUAL_TILT = np.radians(30.0)
 #: Relief below this share of a map's width counts as flat.
 FLAT = 2e-4
 #: Characters of a line of a legend over the width of a page.
 LINE = 118
-#: Legends above a chart: their entries lie close together.
+#: Legends above a chart, with entries close together.
 CLOSE: dict[str, Any] = {"columnspacing": 1.1, "handlelength": 1.6, "handletextpad": 0.5}
 HALO = [withStroke(linewidth=3, foreground="white")]
 _MAP_PIXELS = 700
@@ -86,8 +86,8 @@ def steepest_of(run: xr.Dataset) -> int | None:
 def worst_of(rover: Rover, run: xr.Dataset) -> Worst | None:
     """Return the station closest to a limit, or furthest beyond one; None if there is no pose.
 
-    Compared are, as shares of their limits: each joint with its joint limit, the tilt with 30°, and the body's clearance with
-    one wheel radius, of which it should have at least some part left.
+    The measure is a share of a limit: each joint's of its joint limit, the tilt's of 30°. The clearance c of the body counts as
+    1 / (1 + c / wheel radius), which is 1 at c = 0.
 
     Args:
         rover: the rover that drove.
@@ -240,6 +240,7 @@ def run_profile(rover: Rover, terrain: Terrain, run: xr.Dataset) -> Figure:
 
 
 def _stops(ax: Axes, limits: Array, colour: str, label: str) -> None:
+    """Draw the finite joint limits as horizontal lines with a label."""
     known = np.degrees(limits[np.isfinite(limits)])
     if known.size:
         name = f"{label} {', '.join(f'{limit:+.3g}°' for limit in known)}"
@@ -247,6 +248,7 @@ def _stops(ax: Axes, limits: Array, colour: str, label: str) -> None:
 
 
 def _status_strip(ax: Axes, s: Array, status: Array) -> None:
+    """Draw the status of each station as colours along the path, with their meanings."""
     edges = np.concatenate([s[:1], (s[1:] + s[:-1]) / 2, s[-1:]])
     codes = [Status(int(code)) for code in np.unique(status)]
     for code in codes:
@@ -262,7 +264,7 @@ def _status_strip(ax: Axes, s: Array, status: Array) -> None:
 
 
 def _at_least(ax: Axes, span: float) -> None:
-    """Widen the vertical axis to a span, so that rounding errors on flat terrain do not fill it."""
+    """Widen the vertical axis to at least a span, so that rounding errors do not fill it."""
     low, high = ax.get_ylim()
     if high - low < span:
         middle = (low + high) / 2
@@ -270,7 +272,7 @@ def _at_least(ax: Axes, span: float) -> None:
 
 
 def _around(x: Array, y: Array, whole: Bounds, room: float) -> Bounds:
-    """A window about the path, not too long for its width, within the map."""
+    """Return a window around the path, within the map and not too long for its width, m."""
     low, high = np.array([x.min(), y.min()]), np.array([x.max(), y.max()])
     middle, half = (low + high) / 2, (high - low) / 2
     half = np.maximum(half + np.maximum(room, 0.15 * half.max()), 0.55 * half.max())
@@ -280,6 +282,7 @@ def _around(x: Array, y: Array, whole: Bounds, room: float) -> Bounds:
 
 
 def _hillshade(ax: Axes, terrain: Terrain, bounds: Bounds, *, contours: bool) -> None:
+    """Draw shaded terrain, with contours if asked for."""
     from scipy.ndimage import gaussian_filter
 
     span = max(bounds[2] - bounds[0], bounds[3] - bounds[1])
@@ -297,7 +300,7 @@ def _hillshade(ax: Axes, terrain: Terrain, bounds: Bounds, *, contours: bool) ->
     ax.set_xlim(x[0], x[-1])
     ax.set_ylim(y[0], y[-1])
     if contours:
-        smooth = gaussian_filter(filled, 0.008 * span / step)  # contours of the terrain, not of every pebble
+        smooth = gaussian_filter(filled, 0.008 * span / step)  # contours of the terrain, not of single stones
         smooth[np.isnan(z)] = np.nan
         _contours(ax, x, y, smooth)
 
@@ -311,13 +314,13 @@ def _contours(ax: Axes, x: Array, y: Array, z: Array) -> None:
     levels = [level for level in MaxNLocator(10).tick_values(low, high) if low + 0.01 * relief < level < high - 0.01 * relief]
     if not levels:
         return
-    moved = [level + 1e-5 * relief for level in levels]  # a plateau at a level would be crossed by arbitrary lines
+    moved = [level + 1e-5 * relief for level in levels]  # at the height of a plateau, contours would be arbitrary
     lines = ax.contour(x, y, z, levels=moved, colors="#4a4036", linewidths=0.6, alpha=0.7)
     ax.clabel(lines, fmt={at: f"{level:g} m" for at, level in zip(moved, levels, strict=True)}, fontsize=7)
 
 
 def scale_bar(ax: Axes, bounds: Bounds) -> None:
-    """A bar of a round length in a map's lower left corner, bounds in m.
+    """Draw a bar of a round length in the lower left corner of a map.
 
     Args:
         ax: axes in metres.
@@ -335,7 +338,7 @@ def scale_bar(ax: Axes, bounds: Bounds) -> None:
 
 
 def plain_metres(ax: Axes, across: str, up: str) -> None:
-    """Coordinates in full, few of them, under their names.
+    """Label axes in metres, with few ticks and full numbers.
 
     Args:
         ax: axes in metres.

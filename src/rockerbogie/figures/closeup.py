@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 _SIZE = (1230, 930)
 _ALARM = "#b00000"
-_LIFTED = 5e-4  # m: a simulated wheel presses in or rides up by less
+_LIFTED = 5e-4  # m: a smaller gap of a simulated wheel counts as contact
 _HALO = [withStroke(linewidth=3, foreground="white")]
 
 
@@ -72,8 +72,8 @@ def pose_figure(
                     color=(LEFT, RIGHT)[i % 2], path_effects=_HALO, alpha=0.6 if behind[i] else 1.0,
                 )  # fmt: skip
         fig.text(0.02, 0.955, title, fontsize=13, fontweight="bold")
-        air = ", ringed red where the wheel is off the ground" if lifted.any() else ""
-        note = f"contact points in yellow (outlined: hidden from here){air} · grid {grid_step(bounds):g} m"
+        air = ", red ring: wheel off the ground" if lifted.any() else ""
+        note = f"contact points in yellow (outlined: hidden){air} · grid {grid_step(bounds):g} m"
         if origin != (0.0, 0.0):
             note += f" · axes from ({origin[0]:.0f}, {origin[1]:.0f})"
         fig.text(0.02, 0.92, note, fontsize=8.5, color="#666666")
@@ -116,7 +116,7 @@ def _write_numbers(ax: Axes, rover: Rover, record: xr.Dataset) -> None:
         ("wheel", 0.0, "left"),
         ("contact δ", 0.40, "right"),
         ("gap (mm)", 0.66, "right"),
-        ("touches at z (m)", 1.0, "right"),
+        ("contact z (m)", 1.0, "right"),
     )
     for head, x, side in heads:
         ax.text(x, y, head, ha=side, color="#555555", fontsize=8.5)
@@ -147,7 +147,7 @@ def _millimetres(gap: float) -> str:
 
 
 def _patch(rover: Rover, record: xr.Dataset, terrain: Terrain) -> Bounds:
-    """The ground under the rover and a wheelbase's third around it, m."""
+    """Return the part of the terrain under the rover, with a margin, m."""
     point = record["contact_point"].values[:, :2]
     room = 0.3 * rover.wheelbase + float(rover.wheel_radius.max())
     low = np.maximum(np.nanmin(point, axis=0) - room, terrain.bounds[:2])

@@ -1,4 +1,4 @@
-"""A drive as a film: the rover on its terrain, its angles below."""
+"""Film of a drive: the rover on its terrain, its angles below."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ VIEW = (np.radians(-62.0), np.radians(25.0))
 WIDTH, CHART = 760, 190  # px
 NOW = (34, 34, 34)  # colour of the line at the present distance
 CELLS = 130
-#: A path longer than this many wheelbases is filmed by a camera that goes along with the rover, so many wheelbases wide.
+#: Width of the view in wheelbases: on a longer path the camera moves with the rover.
 WHOLE, ALONG = 7.0, 4.5
 
 
@@ -94,7 +94,7 @@ def check_film(file: Path) -> None:
         RockerbogieError: an unknown ending; PyAV not installed (.mp4).
     """
     if file.suffix.lower() not in ENDINGS:
-        raise RockerbogieError(f"{str(file)!r} is no film: end it in {' or '.join(ENDINGS)}")
+        raise RockerbogieError(f"{str(file)!r} is not the name of a film: end it in {' or '.join(ENDINGS)}")
     if file.suffix.lower() == ".mp4":
         require("an .mp4 film (.gif needs nothing more)", "film", "av")
 
@@ -163,7 +163,7 @@ def _within(ribbon: Mesh, bounds: Bounds) -> Mesh:
 def _write_gif(path: Path, pictures: Iterator[Picture], rate: float) -> None:
     images = [Image.fromarray(picture) for picture in pictures]
     colours = np.array(images[len(images) // 2].quantize(256, kmeans=2).getpalette()).reshape(-1, 3)
-    colours[colours.min(axis=1) > 248] = 255  # paper white, which averaging has greyed
+    colours[colours.min(axis=1) > 248] = 255  # averaging has turned white paper grey
     palette = Image.new("P", (1, 1))
     palette.putpalette(colours.ravel().tolist())
     still = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
@@ -179,7 +179,7 @@ def _write_mp4(path: Path, pictures: Iterator[Picture], rate: float) -> None:
     with av.open(str(path), "w") as container:
         container.metadata["comment"] = SOURCE
         stream = container.add_stream("libx264", rate=Fraction(rate).limit_denominator(1000))
-        stream.pix_fmt = "yuv420p"  # what every player shows
+        stream.pix_fmt = "yuv420p"  # the format that all players support
         stream.options = {"crf": "20"}
         for n, picture in enumerate(pictures):
             height, width = (side - side % 2 for side in picture.shape[:2])

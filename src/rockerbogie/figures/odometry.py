@@ -1,4 +1,4 @@
-"""A log's way, from above and from the side, and the slip on it."""
+"""Charts of odometry: the path from above and from the side, and the slip along it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def odometry_figure(track: xr.Dataset, flat: xr.Dataset, log: xr.Dataset) -> Fig
     """
     ways = [("3-D odometry", track, TRACK, "-", 2.0), ("flat 2-D odometry", flat, FLAT, "--", 1.6)]
     if all(axis in log for axis in "xyz"):
-        ways.insert(0, ("the log's own position", log, TRUTH, "-", 3.5))
+        ways.insert(0, ("position in the log", log, TRUTH, "-", 3.5))
     with look():
         fig = figure(9.0, 8.5)
         plan, side, slip = fig.subplots(3, 1, height_ratios=(1.5, 0.8, 1.0))
@@ -39,13 +39,13 @@ def odometry_figure(track: xr.Dataset, flat: xr.Dataset, log: xr.Dataset) -> Fig
             side.plot(along, way["z"], color=colour, ls=style, lw=width, alpha=faint, label=label)
         plan.plot(track["x"][0], track["y"][0], "o", color=INK, ms=5)
         plan.set_aspect("equal", adjustable="datalim")
-        plan.set(xlabel="x (m)", ylabel="y (m)", title="From above; the start is the dot")
+        plan.set(xlabel="x (m)", ylabel="y (m)", title="From above; dot: start")
         plan.legend(loc="best")
-        side.set(xlabel="distance along each way (m)", ylabel="height (m)", title="From the side")
+        side.set(xlabel="distance along each path (m)", ylabel="height (m)", title="From the side")
         for k, name in enumerate(track["wheel"].values):
             colour, style = (LEFT, RIGHT)[k % 2], ("-", "--", ":")[k // 2]
             slip.plot(track["distance"], 1e3 * track["roll_slip"].isel(wheel=k), color=colour, ls=style, lw=1.0, label=str(name))
-        slip.set(xlabel="distance (m)", ylabel="slip (mm/s)", title="Slip along each wheel's way, as the wheels disagree")
+        slip.set(xlabel="distance (m)", ylabel="slip (mm/s)", title="Rolling slip of each wheel, from the residuals")
         slip.legend(ncols=6, loc="lower left", bbox_to_anchor=(0, -0.5), fontsize=8.5)
     return fig
 

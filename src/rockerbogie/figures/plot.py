@@ -47,7 +47,7 @@ def pose(
         rover: of a record; default: the rover of the run, while that is in memory.
         terrain: of a record; default: the terrain of the run, while that is in memory.
         title: text above; default: the names of rover and terrain.
-        view: azimuth (from +x, counter-clockwise) and elevation of the camera, rad; default: from where the terrain falls away.
+        view: azimuth (from +x, counter-clockwise) and elevation of the camera, rad; default: from the downhill side.
         size: width and height, inches.
         dpi: pixels per inch of a .png.
         force: replace a file that this package did not write.
@@ -68,7 +68,7 @@ def pose(
         data = pose
     if data["z"].ndim:
         raise RockerbogieError(
-            f"one pose can be drawn, and this holds {data['z'].size}: pick one, as in pose[3] or run.isel(time=3)"
+            f"one pose can be drawn, and this has {data['z'].size}: select one, as in pose[3] or run.isel(time=3)"
         )
     if not np.isfinite(float(data["z"])):
         raise RockerbogieError("the pose is NaN and cannot be drawn: see its status")
@@ -96,8 +96,7 @@ def run(
     """
     from .charts import run_profile
 
-    rover, terrain = _scene(run, rover, terrain)
-    return _finish(lambda: run_profile(rover, terrain, run), file, size, dpi, force)
+    return _finish_run(run_profile, run, rover, terrain, file, size, dpi, force)
 
 
 def track(
@@ -120,8 +119,7 @@ def track(
     """
     from .charts import run_map
 
-    rover, terrain = _scene(run, rover, terrain)
-    return _finish(lambda: run_map(rover, terrain, run), file, size, dpi, force)
+    return _finish_run(run_map, run, rover, terrain, file, size, dpi, force)
 
 
 def map(
@@ -199,7 +197,7 @@ def odometry(
 def validation(
     found: xr.Dataset, file: str | Path | None = None, *, size: Size | None = None, dpi: float | None = None, force: bool = False
 ) -> Figure:
-    """Draw predicted and logged attitude, with the band of each place.
+    """Draw predicted and logged attitude, with the uncertainty band of each place.
 
     Args:
         found: from `validate`.
@@ -248,7 +246,7 @@ def film(
 
     Args:
         run: from `drive`, `simulate` or `predict`.
-        file: ends in .gif, or in .mp4 (needs the film extra).
+        file: the film; its ending is .gif, or .mp4 (needs the film extra).
         rover: default: the rover of the run, while that is in memory.
         terrain: default: the terrain of the run, while that is in memory.
         frames: number of pictures, evenly over the run.
@@ -276,13 +274,14 @@ def _scene(data: xr.Dataset, rover: Rover | None, terrain: Terrain | None) -> tu
     rover, terrain = (kept[0] if rover is None else rover), (kept[1] if terrain is None else terrain)
     if rover is None or terrain is None:
         missing = "rover" if rover is None else "terrain"
-        raise RockerbogieError(f"which {missing} is this run's? It was read from a file: give {missing}=")
+        raise RockerbogieError(f"the run was read from a file, which does not hold its {missing}: give {missing}=")
     expect(rover, Rover, "rover", LOAD_ROVER)
     expect(terrain, Terrain, "terrain", _TERRAIN_ARGUMENT)
     return rover, terrain
 
 
 def _view(view: View | None) -> View | None:
+    """Return azimuth and elevation as floats, or None; raise if they are out of range."""
     if view is None:
         return None
     try:
@@ -295,6 +294,7 @@ def _view(view: View | None) -> View | None:
 
 
 def _bounds(terrain: Terrain, bounds: Any) -> tuple[float, float, float, float]:
+    """Return the part of some bounds that lies on the terrain; raise if there is none."""
     box, whole = np.asarray(bounds, dtype=float), np.asarray(terrain.bounds)
     if box.shape != (4,) or not np.isfinite(box).all() or not (box[:2] < box[2:]).all():
         raise RockerbogieError(f"bounds are {bounds!r}: give (xmin, ymin, xmax, ymax), min below max, in metres")
@@ -305,7 +305,7 @@ def _bounds(terrain: Terrain, bounds: Any) -> tuple[float, float, float, float]:
 
 
 def _resize(figure: Figure, size: Size) -> None:
-    """Give a figure another size, and its text the same share of it."""
+    """Set a figure's size, and scale its text with it."""
     from matplotlib.text import Text
 
     width, height = figure.get_size_inches()
@@ -318,6 +318,15 @@ def _resize(figure: Figure, size: Size) -> None:
             axis.set_tick_params(labelsize=factor * TICKS)
 
 
+def _finish_run(
+    draw: Callable[[Rover, Terrain, xr.Dataset], Figure], run: xr.Dataset, rover: Rover | None, terrain: Terrain | None,
+    file: str | Path | None, size: Size | None, dpi: float | None, force: bool,
+) -> Figure:  # fmt: skip
+    """Draw a run with its rover and terrain, and write the figure."""
+    rover, terrain = _scene(run, rover, terrain)
+    return _finish(lambda: draw(rover, terrain, run), file, size, dpi, force)
+
+
 def _finish(draw: Callable[[], Figure], file: str | Path | None, size: Size | None, dpi: float | None, force: bool) -> Figure:
     """Check the file, draw, and write."""
     from .style import save
@@ -328,7 +337,7 @@ def _finish(draw: Callable[[], Figure], file: str | Path | None, size: Size | No
         raise RockerbogieError(f"dpi is {dpi!r}: give pixels per inch, above 0")
     if file is not None:
         if Path(file).suffix.lower() not in _ENDINGS:
-            raise RockerbogieError(f"{str(file)!r} is no picture: end it in {', '.join(_ENDINGS)}")
+            raise RockerbogieError(f"{str(file)!r} is not the name of a picture: end it in {', '.join(_ENDINGS)}")
         check_outputs([file], force=force)
     figure = draw()
     if size is not None:

@@ -1,4 +1,4 @@
-"""Pictures: which triangle each pixel sees, and how the light falls on it."""
+"""Kernels of pictures: the nearest triangle of each pixel, and its illumination."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def rasterise(tri: Array, index: Index, near: Array) -> None:
         area = (u1 - u0) * (v2 - v0) - (u2 - u0) * (v1 - v0)
         if area == 0.0:
             continue
-        top, bottom = math.ceil(min(v0, v1, v2) - 0.5), math.floor(max(v0, v1, v2) - 0.5)  # rows whose middle it may cover
+        top, bottom = math.ceil(min(v0, v1, v2) - 0.5), math.floor(max(v0, v1, v2) - 0.5)  # rows whose centre line it may cover
         first, last = math.ceil(min(u0, u1, u2) - 0.5), math.floor(max(u0, u1, u2) - 0.5)
         for row in range(max(0, top), min(height - 1, bottom) + 1):
             v = row + 0.5
@@ -54,7 +54,28 @@ def shade(
     to_sun: Array, shadow: Array, sun_axes: Array, sun_eye: Array, sun_scale: float, sun_shift: Array,
     bias: float, grid: float, line: float, finer: int, image: Array,
 ) -> None:  # fmt: skip
-    """Colour each pixel, averaged over finer × finer samples, into image (height, width, 4)."""
+    """Colour the pixels of a picture by sky, fill light and sun with soft shadows.
+
+    Args:
+        index: (height, width) triangle of each pixel, −1 for none, from `rasterise`.
+        tri: (n, 3, 3) corners on the picture: u, v (px), nearness.
+        corners: (n, 3, 3) corners in the world, m.
+        normals: (n, 3, 3) unit normals at the corners.
+        colours: (n, 3) red, green, blue, 0 to 1.
+        ruled: (n,) True for triangles with grid lines.
+        eye: (3,) position of the camera, m.
+        to_sun: (3,) unit vector.
+        shadow: (sun height, sun width) nearness to the sun of the nearest surface.
+        sun_axes: (3, 3) axes of the sun's view.
+        sun_eye: (3,) its origin, m.
+        sun_scale: its pixels per metre.
+        sun_shift: (2,) its pixel of the origin.
+        bias: m; a point is lifted by it before it is compared with the shadow.
+        grid: distance of the grid lines, m; 0: no lines.
+        line: half width of a grid line, m.
+        finer: index has finer × finer samples per pixel.
+        image: (height / finer, width / finer, 4) red, green, blue, alpha; written, must be 0 before.
+    """
     height, width = index.shape
     sun_height, sun_width = shadow.shape
     p, n, q = np.empty(3), np.empty(3), np.empty(3)
@@ -85,7 +106,7 @@ def shade(
                 n[k] *= flip
                 lambert += n[k] * to_sun[k]
             if lambert > 0.0:
-                for i in range(3):  # the point, lifted off its own surface, as the sun sees it
+                for i in range(3):  # the point, lifted off its own surface, in the sun's view
                     q[i] = 0.0
                     for k in range(3):
                         q[i] += sun_axes[i, k] * (p[k] + 2.0 * bias * n[k] - sun_eye[k])

@@ -1,7 +1,7 @@
-"""A small software renderer: triangles, a camera, one sun with shadows; no display needed.
+"""Small software renderer: triangles, a camera, one sun with shadows; it needs no display.
 
-Matplotlib's own 3-D axes sort whole polygons, which cannot show a wheel in a depression; here every pixel knows
-what is nearest to it.
+Matplotlib's 3-D axes sort whole polygons and cannot draw a wheel in a depression. Here each pixel shows the nearest
+surface.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from . import raster_kernels
 
 Array = NDArray[np.float64]
 
-FINER = 2  # a picture is rendered this many times finer and averaged, against jagged edges
-SHADOW_BIAS = 0.004  # of the scene's size: less makes surfaces shade themselves, more lets shadows float
+FINER = 2  # samples per pixel and side, averaged against jagged edges
+SHADOW_BIAS = 0.004  # relative to the scene's size: with less, surfaces shade themselves; with more, shadows are displaced
 
 
 @dataclass(frozen=True)
 class Mesh:
     """Triangles: corners (n, 3, 3), m; normals at the corners; colours (n, 3) from 0 to 1.
 
-    `ruled` (n,) is true where lines of the ground's grid are drawn on it.
+    `ruled` (n,) is True for triangles on which grid lines are drawn.
     """
 
     corners: Array
@@ -34,7 +34,7 @@ class Mesh:
 
     @classmethod
     def flat(cls, corners: ArrayLike, colour: ArrayLike) -> Mesh:
-        """Triangles (n, 3, 3) with one normal each; colour (3,) or (n, 3).
+        """Return triangles with one normal each.
 
         Args:
             corners: (n, 3, 3), m.
@@ -50,7 +50,7 @@ class Mesh:
 
     @classmethod
     def smooth(cls, corners: Array, normals: Array, colour: ArrayLike, *, ruled: bool = False) -> Mesh:
-        """Triangles (n, 3, 3) with a normal at each corner (n, 3, 3).
+        """Return triangles with a normal at each corner.
 
         Args:
             corners: (n, 3, 3), m.
@@ -66,7 +66,7 @@ class Mesh:
 
     @classmethod
     def join(cls, meshes: Sequence[Mesh]) -> Mesh:
-        """One mesh of several.
+        """Return one mesh of several.
 
         Args:
             meshes: the parts.
@@ -130,17 +130,17 @@ class Camera:
         return cls(loose.eye, axes, scale, middle - scale * (low + high) / 2, perspective, size)
 
     def project(self, points: ArrayLike) -> Array:
-        """(..., 3) of points (..., 3): pixels right and down, and nearness, linear over the picture.
+        """Project points onto the picture.
 
         Args:
             points: (..., 3), m.
 
         Returns:
-            (..., 3): pixels right, pixels down, nearness.
+            (..., 3): pixels right, pixels down, nearness. Nearness is linear over the picture.
         """
         given = np.asarray(points, dtype=float)
         away = given.reshape(-1, 3) - self.eye
-        p: Array = np.einsum("nj,ij->ni", away, self.axes)  # no BLAS: its threads cost more than they do
+        p: Array = np.einsum("nj,ij->ni", away, self.axes)  # no BLAS: its threads cost more than they gain
         if self.perspective:
             p[:, 2] = 1 / p[:, 2]
             p[:, :2] *= p[:, 2:]
@@ -150,7 +150,7 @@ class Camera:
         return p.reshape(given.shape)
 
     def enlarged(self, factor: int) -> Camera:
-        """The same view in more pixels.
+        """Return the same view with more pixels.
 
         Args:
             factor: of the number of pixels per side.
@@ -163,14 +163,16 @@ class Camera:
 
 
 def render(mesh: Mesh, camera: Camera, *, sun: tuple[float, float], grid: float = 0.0) -> Array:
-    """The picture (height, width, 4), from 0 to 1, transparent where nothing is.
+    """Render a picture, transparent where there is no surface.
 
     Args:
+        mesh: the scene.
+        camera: the view.
         sun: azimuth and elevation of the light, rad.
-        grid: spacing of the lines ruled on the ground, m; 0 draws none.
+        grid: spacing of the lines drawn on the terrain, m; 0: none.
 
     Returns:
-        (height, width, 4), 0 to 1.
+        (height, width, 4) red, green, blue, alpha, 0 to 1.
     """
     fine = camera.enlarged(FINER)
     seen = fine.project(mesh.corners)
@@ -178,7 +180,7 @@ def render(mesh: Mesh, camera: Camera, *, sun: tuple[float, float], grid: float 
     light = Camera.framing(mesh.corners, *sun, (camera.size[0], camera.size[0]), perspective=False)
     _, shadow = _visible(light.project(mesh.corners), light)
     extent = float(np.ptp(mesh.corners.reshape(-1, 3), axis=0).max())
-    pixel = float(np.linalg.norm(mesh.corners[0, 0] - camera.eye)) / camera.scale  # m, about
+    pixel = float(np.linalg.norm(mesh.corners[0, 0] - camera.eye)) / camera.scale  # m, approximate
     image = np.zeros((camera.size[1], camera.size[0], 4))
     raster_kernels.shade(
         index, seen, mesh.corners, mesh.normals, np.ascontiguousarray(mesh.colours), mesh.ruled, fine.eye,
@@ -191,7 +193,7 @@ def render(mesh: Mesh, camera: Camera, *, sun: tuple[float, float], grid: float 
 
 
 def hidden_by(mesh: Mesh, camera: Camera, points: ArrayLike) -> Array:
-    """Return the depth (n,) that surfaces hide points (n, 3) by, m; NaN outside the picture.
+    """Return the depth by which surfaces hide points.
 
     Args:
         mesh: the scene.

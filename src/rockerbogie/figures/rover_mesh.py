@@ -1,4 +1,4 @@
-"""Rovers as triangles: body, rockers, bogies, wheels; left blue, right vermilion."""
+"""Triangles of rovers: body, rockers, bogies, wheels; left blue, right vermilion."""
 
 from __future__ import annotations
 
@@ -30,9 +30,20 @@ def rover_mesh(
     steering: ArrayLike | None = None,
     wheel_turn: ArrayLike = 0.0,
 ) -> Mesh:
-    """Return the rover in the world frame: rocker, bogie (2,), steering (6,), rolled (6,), rad.
+    """Return the rover in the world frame.
 
-    A wheel of no width is drawn with some, and links are drawn inboard of their wheels: looks only.
+    A wheel of width 0 is drawn with some width, and links are drawn inboard of their wheels.
+
+    Args:
+        rover: the rover.
+        T_world_body: (4, 4) pose of the body.
+        rocker: angle of the left rocker, rad.
+        bogie: (2,) angles of the bogies, rad.
+        steering: (6,) rad; None: 0.
+        wheel_turn: (6,) or one angle by which the wheels have turned, rad.
+
+    Returns:
+        The mesh, m.
     """
     T = np.asarray(T_world_body, dtype=float)
     axles = wheel_frames(rover, rocker, bogie, steering)
@@ -72,7 +83,7 @@ def rover_mesh(
 
 
 def _fan(quads: Array) -> Array:
-    """Triangles (2n, 3, ...) of quadrilaterals (n, 4, ...)."""
+    """Return triangles (2n, 3, ...) of quadrilaterals (n, 4, ...)."""
     return np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
 
 
@@ -99,7 +110,7 @@ def _tube(start: Array, end: Array, radius: float, colour: Array, sides: int = 1
 
 
 def _wheel(T: Array, radius: float, width: float, turned: float) -> Mesh:
-    """A tyre with cleats and a marked plate, so that one sees it roll."""
+    """Return a tyre with cleats and a marked plate, which show its rotation."""
     angle = np.linspace(0, 2 * np.pi, _SEGMENTS + 1) + turned
     spoke = np.stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)], axis=1)
     half = np.array([0.0, width / 2, 0.0])

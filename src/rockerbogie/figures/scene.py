@@ -1,4 +1,4 @@
-"""Scenes in three dimensions: rovers, terrain, paths, lit and ruled."""
+"""Scenes in three dimensions: rovers, terrain and paths with light and grid lines."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 Bounds = tuple[float, float, float, float]
 
 _SUN_HEIGHT = np.radians(48.0)
-_SUN_BESIDE = np.radians(42.0)  # the viewer's back, at most
+_SUN_BESIDE = np.radians(42.0)  # greatest angle between the sun and the viewer's direction
 
 
 def stance_mesh(rover: Rover, record: xr.Dataset) -> Mesh:
@@ -45,7 +45,7 @@ def stance_mesh(rover: Rover, record: xr.Dataset) -> Mesh:
 
 
 def trail_mesh(terrain: Terrain, x: ArrayLike, y: ArrayLike, colour: ArrayLike, width: float) -> Mesh:
-    """A ribbon (n,) laid along the ground, m.
+    """Return a ribbon along a track on the terrain.
 
     Args:
         terrain: the terrain.
@@ -188,13 +188,13 @@ def rule_block(ax: Axes, camera: Camera, bounds: Bounds, base: float, origin: tu
 
 
 def grid_step(bounds: Bounds) -> float:
-    """A round spacing that rules some twenty lines over the longer side, m.
+    """Return a round spacing that gives about 20 grid lines along the longer side.
 
     Args:
         bounds: xmin, ymin, xmax, ymax, m.
 
     Returns:
-        The spacing, m.
+        m.
     """
     rough = max(bounds[2] - bounds[0], bounds[3] - bounds[1]) / 20
     power = 10.0 ** np.floor(np.log10(rough))

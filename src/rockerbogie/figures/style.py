@@ -1,4 +1,4 @@
-"""One look for every picture: colours that the colour-blind can tell apart, and quiet axes."""
+"""Common style of all pictures: colours for the colour-blind, and thin axes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from ..outputs import SOURCE, remove_sidecars
 
-# Okabe and Ito's palette; left is always blue and right always vermilion.
+# Palette of Okabe and Ito; left is always blue, right always vermilion.
 LEFT, RIGHT = "#0072B2", "#D55E00"
 COLOURS = {
     "roll": "#009E73",
@@ -74,7 +74,7 @@ def save(made: Figure, file: str | Path, dpi: float | None = None) -> Path:
 
 
 def figure(width: float, height: float) -> Figure:
-    """An empty figure, inches; call inside `look()`.
+    """Return an empty figure; call it inside `look()`.
 
     Args:
         width: inches.

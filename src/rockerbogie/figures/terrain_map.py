@@ -1,4 +1,4 @@
-"""A whole terrain from above: where the rover can go, and a way over it."""
+"""Map of a whole terrain from above: passable cells, and a route over them."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 UNKNOWN, OUT_OF_REACH = "#c9d6e2", "#7f7f7f"
-STRENGTH = (0.8, 0.75, 0.7, 0.5)  # of the classes' colours over the shaded ground
-PALE = 0.7  # of that where a way is drawn over them
+STRENGTH = (0.8, 0.75, 0.7, 0.5)  # opacity of the classes' colours over the shaded terrain
+PALE = 0.7  # factor on it where a route is drawn over them
 _ANGLES = {"tilt": "tilt", "pitch": "pitch", "roll": "roll", "rocker": "rocker", "bogie": "bogie"}
 
 
@@ -63,7 +63,7 @@ def terrain_map(maps: xr.Dataset, plan: Route | None = None) -> Figure:
         _north(ax)
         plain_metres(ax, *(("easting (m)", "northing (m)") if maps.attrs.get("crs") else ("x (m)", "y (m)")))
         at = left / page[0]
-        title = f"Where {maps.attrs['rover']} can go on {maps.attrs['terrain']}"
+        title = f"Traversability of {maps.attrs['terrain']} for {maps.attrs['rover']}"
         fig.text(at, 1 - 0.22 / page[1], title, fontsize=11.5, fontweight="bold", va="center")
         fig.text(at, 1 - 0.44 / page[1], _said(plan, maps), fontsize=8.5, va="center", color="#555555")
         side = fig.add_axes(
@@ -85,7 +85,7 @@ def _kinds(share: Array) -> NDArray[np.intp]:
 
 
 def _colours(maps: xr.Dataset, share: Array, paled: float) -> Array:
-    """RGB (y, x, 3) of the classes, laid over the shaded ground."""
+    """Return RGB (y, x, 3) of the classes, over the shaded terrain."""
     kind = _kinds(np.nan_to_num(share))
     colour = np.array([to_rgb(c.colour) for c in CLASSES])[kind]
     strength = paled * np.array(STRENGTH)[kind][..., None]
@@ -101,14 +101,14 @@ def _colours(maps: xr.Dataset, share: Array, paled: float) -> Array:
 
 
 def _out_of_reach(maps: xr.Dataset, share: Array) -> NDArray[np.bool_]:
-    """Return the passable cells that a map of `reachability` says cannot be reached."""
+    """Return the passable cells that cannot be reached, by a map of `reachability`."""
     if "reachable" not in maps:
         return np.zeros(share.shape, dtype=bool)
     return np.asarray((share > 0) & (maps["reachable"].values == 0))
 
 
 def _draw_way(ax: Axes, plan: Route) -> list[Artist]:
-    """Draw it, and give what the legend shows of it."""
+    """Draw a route, and return its entries for the legend."""
     ax.plot(plan.x, plan.y, color="white", lw=4.2, solid_capstyle="round", solid_joinstyle="round", zorder=4)
     said = f"least-cost route, {plan.distance[-1]:.4g} m"
     marks: dict[str, Any] = {"mfc": "white", "mec": INK, "ms": 9, "ls": "", "zorder": 9, "clip_on": False}
@@ -120,6 +120,7 @@ def _draw_way(ax: Axes, plan: Route) -> list[Artist]:
 
 
 def _north(ax: Axes) -> None:
+    """Draw a north arrow."""
     arrow = {"arrowstyle": "-|>", "color": INK, "lw": 1.6, "path_effects": HALO}
     ax.annotate("", (0.96, 0.945), (0.96, 0.875), xycoords="axes fraction", arrowprops=arrow, zorder=8)
     ax.text(0.96, 0.95, "N", transform=ax.transAxes, ha="center", va="bottom", fontweight="bold", path_effects=HALO, zorder=8)
@@ -140,13 +141,13 @@ def _legend(ax: Axes, share: Array, maps: xr.Dataset, way: list[Artist]) -> None
     known = np.isfinite(share)
     part = np.bincount(_kinds(share[known]), minlength=len(CLASSES)) / max(known.sum(), 1)
     patches: list[Artist] = [
-        Patch(color=c.colour, alpha=0.85, label=f"{c.label}\n{100 * p:.1f} % of the known terrain")
+        Patch(color=c.colour, alpha=0.85, label=f"{c.label}\n{100 * p:.1f} % of the terrain with data")
         for c, p in reversed(list(zip(CLASSES, part, strict=True)))
     ]
     if "reachable" in maps:
         start = maps.attrs.get("reached_from", "the start")
         lost = 100 * _out_of_reach(maps, share).sum() / max(known.sum(), 1)
-        patches.append(Patch(color=OUT_OF_REACH, label=f"out of reach from {start} m\n{lost:.1f} % of the known terrain"))
+        patches.append(Patch(color=OUT_OF_REACH, label=f"out of reach from {start} m\n{lost:.1f} % of the terrain with data"))
     if not known.all():
         patches.append(Patch(color=UNKNOWN, label=f"missing data, or the map's edge\n{100 * (~known).mean():.1f} % of the map"))
     legend = ax.legend(
@@ -158,6 +159,7 @@ def _legend(ax: Axes, share: Array, maps: xr.Dataset, way: list[Artist]) -> None
 
 
 def _limits(attrs: dict[str, Any]) -> str:
+    """Return the limits of a map as lines of text."""
     limits = json.loads(attrs.get("limits", "{}"))
     lines = [f"{name} up to {np.degrees(limits[name]):.3g}°" for name in _ANGLES if limits.get(name) is not None]
     if limits.get("clearance") is not None:

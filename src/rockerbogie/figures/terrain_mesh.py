@@ -1,4 +1,4 @@
-"""A piece of ground as triangles: its surface, and the sides where it is cut out."""
+"""Part of a terrain as triangles: its surface, and the sides of the block cut out."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def _normals(points: Array) -> Array:
 
 
 def _cells(grid: Array) -> Array:
-    """Triangles (n, 3, 3) of a grid (rows, cols, 3)."""
+    """Return the triangles (n, 3, 3) of a grid of points (rows, cols, 3)."""
     a, b, c, d = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
     return np.concatenate([np.stack([a, b, c], axis=2), np.stack([a, c, d], axis=2)]).reshape(-1, 3, 3)
 

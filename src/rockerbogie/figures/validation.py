@@ -1,4 +1,4 @@
-"""Predicted against logged attitude: scatter with bands, and place by place."""
+"""Charts of predicted against logged attitude: scatter with bands, and place by place."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .style import INK, LEFT, RIGHT, figure, look
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Most places whose names fit under an axis, and most of those outside their band that are named in a scatter.
+#: Greatest number of places whose names fit under an axis, and of those outside their band that are named in a scatter.
 MOST_TICKS, MOST_NAMED = 40, 8
 POSITIVE = {"pitch": "nose down", "roll": "left side up"}
 BAND, INSIDE, OUTSIDE = "#B7D3E6", LEFT, RIGHT
