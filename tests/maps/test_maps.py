@@ -329,7 +329,7 @@ def test_a_full_disk_is_reported_and_a_second_run_continues(
         disk.setattr(store.Store, "take", take)
         disk.setattr(run, "FEW", 1)
         with pytest.raises(
-            rb.RockerbogieError, match="No space left on device; what is finished is kept, and the same call goes on"
+            rb.RockerbogieError, match="No space left on device; finished tiles are kept, and the same call continues"
         ):
             rb.traversability(rover, terrain, **call, store=tmp_path / "broken")
     done = len(list((tmp_path / "broken" / "done").iterdir()))
@@ -419,9 +419,9 @@ def test_tiles_of_a_killed_worker_are_computed_again(rover: rb.Rover, terrain: r
 @pytest.mark.parametrize(
     ("wrong", "sentence"),
     [
-        ({"headings": 0}, "headings is 0: give how many"),
-        ({"headings": []}, r"headings is \[\]: give how many"),
-        ({"headings": [0.0, np.nan]}, "give how many, 1 or more, or a list of angles in rad"),
+        ({"headings": 0}, "headings is 0: give their number"),
+        ({"headings": []}, r"headings is \[\]: give their number"),
+        ({"headings": [0.0, np.nan]}, "give their number, 1 or more, or a list of angles in rad"),
         ({"headings": 2.5}, "headings is 2.5"),
         ({"resolution": 0}, "resolution is 0: give the side of a cell"),
         ({"resolution": "fine"}, "resolution is 'fine'"),
@@ -433,7 +433,7 @@ def test_tiles_of_a_killed_worker_are_computed_again(rover: rb.Rover, terrain: r
         ({"layers": ["tilts"]}, "no layer named 'tilts'; did you mean 'tilt'"),
         ({"layers": []}, "layers is empty"),
         ({"chunk": 100}, "chunk is 100: give a multiple of 128"),
-        ({"workers": 0}, "workers is 0: give how many processes"),
+        ({"workers": 0}, "workers is 0: give the number of processes"),
         ({"headings": 100_000}, "the map would be .* GB: give store='a folder'"),
         ({"scheduler": "tcp://127.0.0.1:9"}, "no Dask scheduler answers at 'tcp://127.0.0.1:9'"),
     ],

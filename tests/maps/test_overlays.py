@@ -141,7 +141,7 @@ def test_several_goals_in_order_have_the_least_total_cost() -> None:
             except rb.PathError:
                 continue
         if np.isinf(best):
-            with pytest.raises(rb.PathError, match="there is no way"):
+            with pytest.raises(rb.PathError, match="there is no route"):
                 rb.plan(maps, start, [via, goal])
             continue
         route = rb.plan(maps, start, [via, goal])
@@ -265,7 +265,7 @@ BAD = {
     "no vector": ({"keep_out": "text.gpkg"}, "not a vector file that GDAL can read"),
     "no raster": ({"keep_out": "text.tif"}, "neither a vector nor a raster that GDAL can read"),
     "no cost": ({"cost": "wall.gpkg"}, "no column 'cost', the extra cost per metre; it has kind"),
-    "text cost": ({"cost": "text_cost.gpkg"}, "no numbers"),
+    "text cost": ({"cost": "text_cost.gpkg"}, "not numbers"),
     "cost below 0": ({"cost": np.full((21, 21), -1.0)}, "below 0"),
     "shape": ({"cost": np.zeros((3, 3))}, r"shape \(3, 3\)"),
     "margin": ({"keep_out": "wall.gpkg", "keep_out_margin": -1.0}, "margin is -1"),

@@ -1,1 +1,1 @@
-"""Whole terrains: where a rover can go, and the way there."""
+"""Traversability maps of whole terrains, and routes over them."""

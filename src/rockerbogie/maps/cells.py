@@ -16,7 +16,7 @@ from ..terrain.window import MapExtent
 Array = NDArray[np.float64]
 Span = tuple[int, int]  # first, one past the last
 
-#: Cells a side of a tile: what is settled at once, and how a store lays its layers out, whatever the chunks.
+#: Cells a side of a tile: it is settled at once, and it is the block of a store's layers, for any size of chunks.
 TILE = 128
 
 
@@ -38,11 +38,15 @@ class Tile(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Cells in it."""
+        """Number of its cells."""
         return math.prod(self.shape)
 
     def halves(self) -> tuple[Tile, ...]:
-        """Itself cut in two across its longer side; or itself, if it is one cell."""
+        """Cut the tile in two across its longer side.
+
+        Returns:
+            Two tiles, or the tile itself if it is one cell.
+        """
         (r0, r1), (c0, c1) = self
         if self.size == 1:
             return (self,)
@@ -57,17 +61,31 @@ class Tile(NamedTuple):
 class Cells:
     """Cell centres x0 + (first + k)·step, k = 0.. on each axis; x first."""
 
-    origin: tuple[float, float]  # the ground's first node, m
+    origin: tuple[float, float]  # of the terrain's first node, m
     step: tuple[float, float]  # m
     first: tuple[int, int]
     size: tuple[int, int]  # cols, rows
 
     def x(self, cols: Span) -> Array:
-        """(n,) of columns, m. The same to the last bit however they are cut."""
+        """Return x of the cell centres of some columns.
+
+        Args:
+            cols: first column, one past the last.
+
+        Returns:
+            (n,) m. The values are bit-identical for every choice of columns.
+        """
         return self._places(0, cols)
 
     def y(self, rows: Span) -> Array:
-        """(n,) of rows, m."""
+        """Return y of the cell centres of some rows.
+
+        Args:
+            rows: first row, one past the last.
+
+        Returns:
+            (n,) m. The values are bit-identical for every choice of rows.
+        """
         return self._places(1, rows)
 
     def _places(self, axis: int, span: Span) -> Array:
@@ -76,15 +94,26 @@ class Cells:
 
     @property
     def all(self) -> Tile:
-        """The whole map as one rectangle."""
+        """Whole map as one rectangle."""
         return Tile((0, self.size[1]), (0, self.size[0]))
 
     def tiles(self) -> Iterator[Tile]:
-        """All of the map, tile by tile."""
+        """Cut the map into tiles of `TILE` cells a side.
+
+        Yields:
+            Tiles, row by row from the first.
+        """
         yield from self._rectangles(TILE)
 
     def chunks(self, side: int) -> Iterator[list[Tile]]:
-        """All of the map's tiles, in squares of `side` cells."""
+        """Cut the map into squares, and these into tiles.
+
+        Args:
+            side: of a square, cells; a multiple of `TILE`.
+
+        Yields:
+            The tiles of one square.
+        """
         for whole in self._rectangles(side):
             yield [
                 Tile((row, min(row + TILE, whole.rows[1])), (col, min(col + TILE, whole.cols[1])))
@@ -93,6 +122,7 @@ class Cells:
             ]
 
     def _rectangles(self, side: int) -> Iterator[Tile]:
+        """Yield rectangles of at most side × side cells that cover the map once."""
         cols, rows = self.size
         for row in range(0, rows, side):
             for col in range(0, cols, side):

@@ -21,16 +21,16 @@ if TYPE_CHECKING:
     import xarray as xr
 
 ENDINGS = (".tif", ".tiff", ".zarr", ".nc")
-#: Side of a GeoTIFF's tile, and rows and columns of the pieces a map is gone through in, cells.
+#: Side of a GeoTIFF's tile, and rows and columns of the pieces in which a map is read and written, cells.
 TILE = 256
 PIECE = (1024, 2048)
-#: Shape of the blocks that Zarr and NetCDF are stored in.
+#: Shape of the blocks in Zarr and NetCDF.
 BLOCK = {"heading": 16, "y": 256, "x": 256}
 CACHE = 256 << 20  # bytes that GDAL may keep
-#: Units of a layer -> what its values are multiplied by in a GeoTIFF, and how its band's name ends.
+#: Unit of a layer -> factor on its values in a GeoTIFF, and ending of its band's name.
 BANDS = {"rad": (180 / np.pi, "_deg"), "m": (1.0, "_m"), "1": (1.0, "")}
 RENAMED = {"passable": "passable_share"}
-#: The layer a GeoTIFF opens with.
+#: First band of a GeoTIFF.
 FIRST = "passable"
 
 Progress = Callable[[int, int], None]
@@ -48,25 +48,29 @@ class Band(NamedTuple):
 def write_map(
     maps: xr.Dataset, file: str | Path, *, per_heading: bool = False, force: bool = False, progress: Progress | None = None
 ) -> Path:
-    """Write a map by the file's ending; the same map gives the same bytes.
+    """Write a map in the format of the file's ending; equal maps give equal bytes.
 
-    - `.tif`: a cloud-optimised GeoTIFF, float32, north up, a band a layer, named with its unit (`worst_tilt_deg`): angles
-      in degrees; nodata is nan. Summaries over headings, or every heading's layers after them with `per_heading`.
-    - `.zarr`, `.nc`: all layers as they are (SI, radians, float64), with CF's names and grid mapping.
+    - `.tif`: a cloud-optimised GeoTIFF, float32, north up, one band per layer, named with its unit (`worst_tilt_deg`); angles
+      in degrees; nodata is NaN. It holds the summaries over headings, and with `per_heading` the layers of every heading.
+    - `.zarr`, `.nc`: all layers unchanged (SI, rad, float64), with the names and the grid mapping of CF.
 
-    Done in pieces: a map that is not in memory need not fit there. It is written beside its place and then moved to it.
+    The map is written in pieces, so it may be larger than memory. It is written to a temporary file beside the target and
+    then renamed.
 
     Args:
         maps: from `traversability`.
-        file: ends in .tif, .tiff, .zarr or .nc. A map that is there is replaced, and with it statistics that GDAL keeps beside
-            it (.aux.xml).
+        file: ends in .tif, .tiff, .zarr or .nc. An existing map is replaced, and the statistics that GDAL keeps beside it
+            (.aux.xml) are removed.
         per_heading: write every heading's layers into a GeoTIFF too.
         force: replace a file that this package did not write.
-        progress: called with (parts done, parts in all).
+        progress: called with (parts done, all parts).
+
+    Returns:
+        The path of the file.
 
     Raises:
-        RockerbogieError: another ending, a file that this package did not write (without `force`), a place that cannot be
-            written, a disk that is full (what was there before is left), rasterio or zarr not installed.
+        RockerbogieError: another ending, a file that this package did not write (without `force`), a path that cannot be
+            written, a full disk (an existing file is then kept), rasterio or zarr not installed.
     """
     import xarray as xr
 
@@ -98,10 +102,13 @@ def write_map(
 
 
 def check_place(path: Path) -> None:
-    """Check that a map can be written.
+    """Check that a map can be written to a path.
+
+    Args:
+        path: of the map.
 
     Raises:
-        RockerbogieError: an unknown ending, a folder of something else, rasterio (.tif) or zarr (.zarr) not installed.
+        RockerbogieError: an unknown ending, a folder that is not a Zarr group, rasterio (.tif) or zarr (.zarr) not installed.
     """
     _check_ending(path)
     if path.suffix.lower() == ".zarr":
@@ -109,21 +116,28 @@ def check_place(path: Path) -> None:
     elif path.suffix.lower() != ".nc":
         require("a GeoTIFF", "geo", "rasterio")
     if path.is_dir() and not _is_zarr(path):
-        raise RockerbogieError(f"{str(path)!r} is a folder and no map: give another name")
+        raise RockerbogieError(f"{str(path)!r} is a folder but not a map: give another name")
 
 
 def _check_ending(path: Path) -> None:
+    """Raise if a path does not end like a map."""
     if path.suffix.lower() not in ENDINGS:
-        raise RockerbogieError(f"{str(path)!r} names no kind of map: end it in {', '.join(ENDINGS[:-1])} or {ENDINGS[-1]}")
+        raise RockerbogieError(f"{str(path)!r} is not the name of a map: end it in {', '.join(ENDINGS[:-1])} or {ENDINGS[-1]}")
 
 
 def read_map(file: str | Path) -> xr.Dataset:
-    """Read a map: as it was (Zarr, NetCDF), or from a GeoTIFF's bands, back in radians.
+    """Read a map that `write_map` wrote.
 
-    Zarr and NetCDF are read when looked at.
+    Layers of Zarr and NetCDF are loaded at first use. Angles of a GeoTIFF are converted back to radians.
+
+    Args:
+        file: ends in .tif, .tiff, .zarr or .nc.
+
+    Returns:
+        Dataset as of `traversability`; from a GeoTIFF only its bands, in float32.
 
     Raises:
-        RockerbogieError: no such file, or no map of this package.
+        RockerbogieError: no such file, or not a map of this package.
     """
     import xarray as xr
 
@@ -145,13 +159,21 @@ def read_map(file: str | Path) -> xr.Dataset:
         raise RockerbogieError(f"{str(file)!r} cannot be read as {path.suffix}: {' '.join(str(error).split())}") from None
     if not (LAYERS.keys() | REACH.keys()) & set(maps.data_vars):
         raise RockerbogieError(
-            f"{str(file)!r} is no map of where a rover can go: it has no layer {FIRST!r}, nor another of one's"
+            f"{str(file)!r} is not a traversability map: it has no layer {FIRST!r}, nor any other layer of one"
         )
     return maps
 
 
 def bands(maps: xr.Dataset, per_heading: bool) -> list[Band]:
-    """Return the bands of a map's GeoTIFF: summaries, then with `per_heading` every heading."""
+    """Return the bands of a map's GeoTIFF.
+
+    Args:
+        maps: the map.
+        per_heading: include the layers of every heading.
+
+    Returns:
+        Summaries, `FIRST` first; then the layers heading by heading.
+    """
     found = []
     for name, variable in _ordered(maps).data_vars.items():
         if set(variable.dims) == {"y", "x"}:
@@ -168,19 +190,20 @@ def bands(maps: xr.Dataset, per_heading: bool) -> list[Band]:
 
 
 def _ordered(maps: xr.Dataset) -> xr.Dataset:
-    """The map with its layers in their own order, whatever order a store gave them in."""
+    """Return the map with its layers in the order of `LAYERS`."""
     place = {name: k for k, name in enumerate(LAYERS)}
     names = sorted(maps.data_vars, key=lambda name: (place.get(str(name), len(place)), str(name)))
     return maps.drop_vars(names).assign({name: maps[name] for name in names})
 
 
 def _write_geotiff(maps: xr.Dataset, path: Path, per_heading: bool, tell: Progress) -> None:
+    """Write a GeoTIFF: a plain one first, from which GDAL makes the cloud-optimised one."""
     rasterio = _rasterio()
     from rasterio._err import CPLE_BaseError
     from rasterio.shutil import copy
 
     layers = bands(maps, per_heading)
-    plain = path.with_suffix(".plain.tif")  # GDAL makes a cloud-optimised file from another one
+    plain = path.with_suffix(".plain.tif")  # GDAL makes a cloud-optimised file from a plain one
     rows, cols = maps.sizes["y"], maps.sizes["x"]
     profile = {
         "driver": "GTiff", "dtype": "float32", "count": len(layers), "height": rows, "width": cols, "nodata": np.nan,
@@ -200,7 +223,7 @@ def _write_geotiff(maps: xr.Dataset, path: Path, per_heading: bool, tell: Progre
                 overviews="AUTO", overview_resampling="NEAREST",
             )  # fmt: skip
     except (rasterio.errors.RasterioError, CPLE_BaseError) as error:
-        raise OSError(f"GDAL says {str(error).rstrip('.')}; is the disk full?") from None
+        raise OSError(f"GDAL reports: {str(error).rstrip('.')}; check that the disk is not full") from None
     finally:
         plain.unlink(missing_ok=True)
 
@@ -218,7 +241,7 @@ def _describe(raster: Any, maps: xr.Dataset, layers: list[Band]) -> None:
 
 
 def _copy_piece(maps: xr.Dataset, layers: list[Band], raster: Any, rows: slice, cols: slice) -> None:
-    """One piece of every band; a layer's headings are read at once."""
+    """Write one piece of every band. The headings of a layer are loaded at once."""
     from rasterio.windows import Window
 
     piece = maps.isel(y=rows, x=cols)
@@ -233,7 +256,14 @@ def _copy_piece(maps: xr.Dataset, layers: list[Band], raster: Any, rows: slice, 
 
 
 def pieces(maps: xr.Dataset) -> Iterator[tuple[slice, slice]]:
-    """Yield a map's rows and columns in pieces that fit in memory, from the north."""
+    """Cut a map into pieces that fit in memory, from the north.
+
+    Args:
+        maps: the map.
+
+    Yields:
+        Slices of rows and columns.
+    """
     rows, cols = maps.sizes["y"], maps.sizes["x"]
     for row in range(rows, 0, -PIECE[0]):
         for col in range(0, cols, PIECE[1]):
@@ -241,13 +271,21 @@ def pieces(maps: xr.Dataset) -> Iterator[tuple[slice, slice]]:
 
 
 def cell_size(maps: xr.Dataset) -> tuple[float, float]:
-    """Return dx and dy of a map's cells, m, by its coordinates: a resampled map has its own.
+    """Return the sides of a map's cells, from its coordinates.
+
+    The attribute `resolution` is used where it agrees with them, or where there is one cell; a resampled map may differ.
+
+    Args:
+        maps: the map.
+
+    Returns:
+        dx and dy, m.
 
     Raises:
         RockerbogieError: coordinates that are not evenly spaced or do not grow, or one cell without `resolution`.
     """
-    told = maps.attrs.get("resolution")
-    said = None if told is None else np.broadcast_to(np.asarray(told, dtype=float), (2,))
+    given = maps.attrs.get("resolution")
+    stated = None if given is None else np.broadcast_to(np.asarray(given, dtype=float), (2,))
     sides = []
     for k, axis in enumerate(("x", "y")):
         at = np.asarray(maps[axis].values, dtype=float)
@@ -258,17 +296,26 @@ def cell_size(maps: xr.Dataset) -> tuple[float, float]:
                 raise RockerbogieError(
                     f"the map's {axis} is not evenly spaced and growing: sort it (sortby({axis!r})) or resample it to even steps"
                 )
-            kept = said is not None and abs(side - said[k]) <= 1e-6 * side + rounding
-            sides.append(float(said[k]) if kept and said is not None else float(side))
-        elif said is not None:
-            sides.append(float(said[k]))
+            kept = stated is not None and abs(side - stated[k]) <= 1e-6 * side + rounding
+            sides.append(float(stated[k]) if kept and stated is not None else float(side))
+        elif stated is not None:
+            sides.append(float(stated[k]))
         else:
-            raise RockerbogieError(f"the map has one cell along {axis} and no attribute 'resolution': its size is unknown")
+            raise RockerbogieError(
+                f"the map has one cell along {axis} and no attribute 'resolution': set that to the side of a cell, m"
+            )
     return sides[0], sides[1]
 
 
 def crs_of(maps: xr.Dataset) -> str | None:
-    """Return a map's CRS: its attribute, or that of its grid mapping, which resampling keeps."""
+    """Return the CRS of a map.
+
+    Args:
+        maps: the map.
+
+    Returns:
+        The attribute `crs`, or else that of the grid mapping, which resampling keeps; None if there is none.
+    """
     if maps.attrs.get("crs"):
         return str(maps.attrs["crs"])
     mapping = maps.coords["spatial_ref"].attrs if "spatial_ref" in maps.coords else {}
@@ -276,7 +323,14 @@ def crs_of(maps: xr.Dataset) -> str | None:
 
 
 def transform(maps: xr.Dataset) -> Any:
-    """The affine transform of a map's raster, north up: a cell's centre is a pixel's."""
+    """Return the affine transform of a map's raster, north up.
+
+    Args:
+        maps: the map.
+
+    Returns:
+        rasterio's Affine from pixels to m; the centre of a cell is the centre of its pixel.
+    """
     from rasterio import Affine
 
     dx, dy = cell_size(maps)
@@ -284,6 +338,7 @@ def transform(maps: xr.Dataset) -> Any:
 
 
 def _read_geotiff(path: Path) -> xr.Dataset:
+    """Read a map from the bands and tags of a GeoTIFF."""
     import xarray as xr
 
     rasterio = _rasterio()
@@ -296,11 +351,11 @@ def _read_geotiff(path: Path) -> xr.Dataset:
             about = json.loads(raster.tags()["map"])
             layers = [json.loads(raster.tags(k)["layer"]) for k in raster.indexes]
         except (KeyError, ValueError):
-            raise RockerbogieError(f"{str(path)!r} is a raster, but no map that rockerbogie wrote") from None
+            raise RockerbogieError(f"{str(path)!r} is a raster, but not a map that rockerbogie wrote") from None
         T = raster.transform
         x = T.c + T.a * (np.arange(raster.width) + 0.5)
         y = (T.f + T.e * (np.arange(raster.height) + 0.5))[::-1]
-        stack = raster.read()  # at once: a tile holds all bands
+        stack = raster.read()  # all bands at once, as they share tiles
         data: dict[str, Any] = {}
         for k, layer in enumerate(layers, 1):
             scale = BANDS.get(layer["attrs"].get("units", "1"), BANDS["1"])[0]
@@ -317,10 +372,11 @@ def _read_geotiff(path: Path) -> xr.Dataset:
 
 
 def _write_zarr(maps: xr.Dataset, path: Path) -> None:
+    """Write a Zarr group in blocks."""
     sizes = _blocks(maps)
     maps = maps.chunk({dim: min(side, maps.sizes[dim]) for dim, side in BLOCK.items()}) if maps.chunks else maps.copy()
     for variable in maps.variables.values():
-        variable.encoding = {}  # that of a file it was read from
+        variable.encoding = {}  # remove that of a file from which it was read
     maps.to_zarr(path, mode="w", consolidated=False, zarr_format=3, encoding={n: {"chunks": s} for n, s in sizes.items()})
 
 
@@ -329,8 +385,8 @@ def _write_netcdf(maps: xr.Dataset, path: Path, tell: Progress) -> None:
     import h5netcdf
 
     needed, free = maps.nbytes, shutil.disk_usage(path.parent).free
-    if needed > free:  # HDF5 does not survive a disk that fills up under it
-        raise OSError(f"it may take {needed / 1e9:.3g} GB, and {free / 1e9:.3g} GB are free there")
+    if needed > free:  # HDF5 crashes if the disk becomes full
+        raise OSError(f"it may take {needed / 1e9:.3g} GB, and only {free / 1e9:.3g} GB are free")
     maps.drop_vars(maps.data_vars).to_netcdf(path, engine="h5netcdf")
     with h5netcdf.File(path, "a") as file:
         for name, shape in _blocks(maps).items():
@@ -349,21 +405,23 @@ def _write_netcdf(maps: xr.Dataset, path: Path, tell: Progress) -> None:
 
 
 def _blocks(maps: xr.Dataset) -> dict[Any, tuple[int, ...]]:
-    """Shapes of the blocks that layers are stored in."""
+    """Return the shapes of the blocks in which layers are stored."""
     side = {dim: min(BLOCK[str(dim)], size) for dim, size in maps.sizes.items()}
     return {name: tuple(side[dim] for dim in variable.dims) for name, variable in maps.data_vars.items()}
 
 
 def _is_zarr(path: Path) -> bool:
+    """Return True for the folder of a Zarr group."""
     return (path / "zarr.json").exists() or (path / ".zgroup").exists()
 
 
 def _json(value: Any) -> str:
-    """JSON of attributes, arrays as lists; keys in order, so that equal maps give equal bytes."""
+    """Return attributes as JSON, arrays as lists, keys sorted: equal maps give equal bytes."""
     return json.dumps(value, sort_keys=True, default=lambda v: v.tolist() if hasattr(v, "tolist") else str(v))
 
 
 def _rasterio() -> Any:
+    """Return the module rasterio; raise if it is not installed."""
     require("a GeoTIFF", "geo", "rasterio")
     import rasterio
 

@@ -1,4 +1,4 @@
-"""The ground under a map: in memory, or in a file that is read by windows."""
+"""Terrain of a map: in memory, or in a file that is read by windows."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from ..terrain.window import Datum, Interpolation, MapExtent, check_grid, greate
 
 Span = tuple[int, int]  # first, one past the last
 
-BAND = 1 << 22  # nodes of a file read at once to tell its levels: 32 MB of heights
-BLOCK = 4 * spline.TILE  # nodes a side worked on at once to compute the curvature of its spline
-SPARE = 4  # nodes of a window beyond what the rover can reach
+BAND = 1 << 22  # nodes of a file read at once in the first pass: 32 MB of heights
+BLOCK = 4 * spline.TILE  # nodes a side in one step of the curvature of its spline
+SPARE = 4  # extra nodes around the reach of the rover
 
 
 class Ground(Protocol):
@@ -30,55 +30,119 @@ class Ground(Protocol):
 
     @property
     def whole(self) -> MapExtent:
-        """Its outline."""
+        """Extent of the terrain."""
 
     def window(self, rows: Span, cols: Span) -> Terrain:
-        """Ground for poses that read no nodes but these."""
+        """Return terrain for poses that read only some nodes.
+
+        Args:
+            rows: first row of nodes, one past the last.
+            cols: first column, one past the last.
+
+        Returns:
+            Terrain with at least these nodes, bit-identical to the whole there.
+        """
 
     def cost(self, rows: Span, cols: Span) -> int:
-        """Nodes that such a window takes up memory for."""
+        """Return the number of nodes for which a window takes memory.
+
+        Args:
+            rows: first row of nodes, one past the last.
+            cols: first column, one past the last.
+
+        Returns:
+            Number of nodes.
+        """
 
     def sent(self, rows: Span, cols: Span) -> Ground:
-        """Return as much of it as another process needs to make that window."""
+        """Return the part of the terrain that another process needs to make a window.
+
+        Args:
+            rows: first row of nodes, one past the last.
+            cols: first column, one past the last.
+
+        Returns:
+            The part.
+        """
 
     def digest(self) -> str:
-        """Return the digest of its heights."""
+        """Return the digest of the heights.
+
+        Returns:
+            SHA-256, hexadecimal.
+        """
 
 
 @dataclass(frozen=True)
 class InMemory:
-    """A terrain."""
+    """Terrain in memory."""
 
-    terrain: Terrain  # or a window of it, where that was sent
+    terrain: Terrain  # or a window of it, in another process
     whole: MapExtent
 
     def window(self, rows: Span, cols: Span) -> Terrain:
-        """All of it: that costs nothing."""
+        """Return the whole terrain, which takes no more memory.
+
+        Args:
+            rows: not used.
+            cols: not used.
+
+        Returns:
+            The terrain.
+        """
         return self.terrain
 
     def cost(self, rows: Span, cols: Span) -> int:
-        """Return 0: memory that is already taken."""
+        """Return 0, as the terrain is in memory already.
+
+        Args:
+            rows: not used.
+            cols: not used.
+
+        Returns:
+            0.
+        """
         return 0
 
     def sent(self, rows: Span, cols: Span) -> Ground:
-        """The window, cut out."""
+        """Cut a window out of the terrain.
+
+        Args:
+            rows: first row of nodes, one past the last.
+            cols: first column, one past the last.
+
+        Returns:
+            The window, with the extent of the whole.
+        """
         return InMemory(crop(self.terrain, rows, cols), self.whole)
 
     def digest(self) -> str:
-        """SHA-256 of its heights."""
+        """Return the digest of the heights.
+
+        Returns:
+            SHA-256 of the float64 array, hexadecimal.
+        """
         return hashlib.sha256(np.ascontiguousarray(self.terrain.z).data).hexdigest()
 
 
 @dataclass(frozen=True)
 class InFile:
-    """A raster on disk. Nobody reads more of it at once than a window."""
+    """Terrain in a raster file, which is read by windows only."""
 
     raster: Raster
     whole: MapExtent
     heights: str  # the digest
 
     def window(self, rows: Span, cols: Span) -> Terrain:
-        """Read as much as that takes."""
+        """Read a window of the file.
+
+        Args:
+            rows: first row of nodes, one past the last.
+            cols: first column, one past the last.
+
+        Returns:
+            Terrain of these nodes, bit-identical to the same part of the whole file's.
+        """
         needed = [
             nodes_needed(*span, count, self.whole.interpolation)
             for span, count in zip((rows, cols), self.whole.shape, strict=True)
@@ -86,20 +150,47 @@ class InFile:
         return build_window(self.raster.read(*needed), (needed[0][0], needed[1][0]), rows, cols, self.whole)
 
     def cost(self, rows: Span, cols: Span) -> int:
-        """Its nodes."""
+        """Return the number of nodes of a window.
+
+        Args:
+            rows: first row of nodes, one past the last.
+            cols: first column, one past the last.
+
+        Returns:
+            Number of nodes.
+        """
         return (rows[1] - rows[0]) * (cols[1] - cols[0])
 
     def sent(self, rows: Span, cols: Span) -> Ground:
-        """All that is known of the file: others read it themselves."""
+        """Return the object itself: other processes read the file.
+
+        Args:
+            rows: not used.
+            cols: not used.
+
+        Returns:
+            Itself.
+        """
         return self
 
     def digest(self) -> str:
-        """SHA-256 of its heights, as if they were in memory."""
+        """Return the digest of the heights.
+
+        Returns:
+            SHA-256, hexadecimal, equal to that of the same terrain in memory.
+        """
         return self.heights
 
 
 def hold_ground(terrain: Terrain) -> InMemory:
-    """The ground of a terrain."""
+    """Return a terrain in memory as the terrain of a map.
+
+    Args:
+        terrain: a whole terrain.
+
+    Returns:
+        The terrain with its extent.
+    """
     level, curvature, steep = (float(terrain.meta[at]) for at in (META_Z, META_MAX_CURVATURE, META_STEEP))
     rows, cols = terrain.z.shape
     outline = ((rows, cols), terrain.spacing, terrain.origin, terrain.interpolation, terrain.crs, terrain.name)
@@ -109,6 +200,15 @@ def hold_ground(terrain: Terrain) -> InMemory:
 def open_ground(path: str | Path, band: int, interpolation: Interpolation, cell: float | None = None) -> InFile:
     """Open the terrain in a file: one pass for reference height, digest, curvature and slope.
 
+    Args:
+        path: a raster file, or a name that GDAL takes.
+        band: number of the band with the heights, from 1.
+        interpolation: "cubic" or "linear".
+        cell: side of a cell, m, for a file without georeference.
+
+    Returns:
+        The terrain, with no heights in memory.
+
     Raises:
         TerrainError: not a raster of heights (`raster.open_raster`); a grid that `terrain.check_grid` refuses; heights beyond
             `terrain.MAX_HEIGHT`, or none at all.
@@ -116,7 +216,7 @@ def open_ground(path: str | Path, band: int, interpolation: Interpolation, cell:
     raster = open_raster(path, band, cell)
     rows, cols = raster.shape
     if min(rows, cols) < (least := 4 if interpolation == "cubic" else 2):
-        raise TerrainError(f"{raster.name} has {rows} x {cols} nodes; {interpolation} ground needs at least {least} each way")
+        raise TerrainError(f"{raster.name} has {rows} x {cols} nodes; {interpolation} terrain needs at least {least} each way")
     outline = (raster.shape, raster.spacing, raster.origin)
     check_grid(raster.name, *outline)
     raster = raster.screened()
@@ -138,7 +238,7 @@ def open_ground(path: str | Path, band: int, interpolation: Interpolation, cell:
 
 
 def _curvature(raster: Raster, level: float) -> float:
-    """Return the greatest curvature of the spline of a file without missing data."""
+    """Return the greatest curvature of the spline of a file without missing data, 1/m."""
     greatest = [0.0, 0.0, 0.0]
     spans = [[(n, min(n + BLOCK, count)) for n in range(0, count, BLOCK)] for count in raster.shape]
     for rows in spans[0]:
@@ -151,7 +251,14 @@ def _curvature(raster: Raster, level: float) -> float:
 
 
 def reach(rover: Rover) -> float:
-    """Return the rover's greatest horizontal reach from its reference point, at any joints, m."""
+    """Return an upper bound of the rover's horizontal reach, for all joint angles.
+
+    Args:
+        rover: the rover.
+
+    Returns:
+        Distance from the reference point, m.
+    """
     farthest = float(np.linalg.norm(np.abs(rover.body_box).max(axis=0)))
     for i in range(6):
         side = i % 2
@@ -163,7 +270,19 @@ def reach(rover: Rover) -> float:
 
 
 def nodes_under(low: float, high: float, first: float, step: float, count: int, margin: float) -> Span:
-    """Return the nodes of an axis that poses between low and high (m) may read."""
+    """Return the nodes of an axis that poses may read.
+
+    Args:
+        low: lowest coordinate of the poses, m.
+        high: highest coordinate, m.
+        first: coordinate of node 0, m.
+        step: spacing of the nodes, m.
+        count: number of nodes.
+        margin: reach of the rover, m.
+
+    Returns:
+        First node, one past the last; at least 2 nodes.
+    """
     start = math.floor((low - margin - first) / step) - SPARE
     stop = math.ceil((high + margin - first) / step) + SPARE + 1
     return min(max(start, 0), count - 2), max(min(stop, count), 2)

@@ -22,19 +22,19 @@ class Layer(NamedTuple):
     """One variable of a map."""
 
     per_heading: bool  # (heading, y, x), or a summary (y, x)
-    kind: str  # NumPy's name of its numbers
+    kind: str  # NumPy's name of its type
     units: str
     long_name: str
-    usual: bool = True  # made unless other layers are named
+    usual: bool = True  # made unless layers are named
 
     @property
     def dims(self) -> tuple[str, ...]:
-        """Its axes."""
+        """Names of its axes."""
         return ("heading", "y", "x") if self.per_heading else ("y", "x")
 
     @property
     def blank(self) -> float:
-        """Return its value where no tile has been written."""
+        """Value where no tile has been written: 0 for integers, NaN for others."""
         return 0 if self.kind == "uint8" else math.nan
 
 
@@ -46,7 +46,7 @@ LAYERS = {
     "rocker": Layer(True, "float64", "rad", "left rocker angle"),
     "bogie_left": Layer(True, "float64", "rad", "left bogie angle to its rocker"),
     "bogie_right": Layer(True, "float64", "rad", "right bogie angle to its rocker"),
-    "clearance": Layer(True, "float64", "m", "least height of the body's box over the ground"),
+    "clearance": Layer(True, "float64", "m", "least height of the body's box over the terrain"),
     "exceeded": Layer(True, "uint8", "1", "limits exceeded"),
     "margin": Layer(True, "float64", "rad", "angle left to the closest limit, negative beyond it", False),
     "passable": Layer(False, "float32", "1", "share of headings at which no limit is exceeded"),
@@ -64,16 +64,19 @@ LAYERS = {
 
 #: Layers of `reachability`.
 REACH = {
-    "reachable": Layer(False, "float32", "1", "share of headings at which the rover can come here"),
-    "reach_cost": Layer(False, "float64", "m", "least cost of coming here, metres of level terrain"),
+    "reachable": Layer(False, "float32", "1", "share of headings at which the rover can reach the cell"),
+    "reach_cost": Layer(False, "float64", "m", "least cost of reaching the cell, metres of flat terrain"),
 }
 
 
 def chosen_layers(names: Iterable[str] | None) -> tuple[str, ...]:
-    """Return layer names in their order.
+    """Return layer names in the order of `LAYERS`.
 
     Args:
         names: layers, or None for the usual ones; "all" stands for all of them.
+
+    Returns:
+        The names, each once.
 
     Raises:
         RockerbogieError: an unknown name, or no name.
@@ -92,7 +95,15 @@ def chosen_layers(names: Iterable[str] | None) -> tuple[str, ...]:
 
 
 def attributes(name: str, crs: str | None) -> dict[str, Any]:
-    """A layer's attributes, by the CF conventions."""
+    """Return the attributes of a layer by the CF conventions.
+
+    Args:
+        name: of the layer.
+        crs: of the map, or None.
+
+    Returns:
+        Units, long name, flags, and the name of the grid mapping if there is a CRS.
+    """
     layer = LAYERS[name]
     given: dict[str, Any] = {"units": layer.units, "long_name": layer.long_name}
     if name == "status":
@@ -109,7 +120,18 @@ def attributes(name: str, crs: str | None) -> dict[str, Any]:
 def dataset(
     data: Mapping[str, Any], heading: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64], about: dict[str, Any]
 ) -> xr.Dataset:
-    """The map's Dataset: layers by name, NumPy's or lazy ones, and what the map says of itself."""
+    """Return the Dataset of a map.
+
+    Args:
+        data: layers by name: NumPy or lazy arrays.
+        heading: (n,) rad.
+        x: (cols,) of the cell centres, m.
+        y: (rows,) of the cell centres, m.
+        about: attributes of the map; its `crs` becomes the grid mapping `spatial_ref`.
+
+    Returns:
+        Dataset over (heading, y, x).
+    """
     import xarray as xr
 
     crs = about.get("crs")
@@ -128,12 +150,12 @@ def dataset(
 
 
 def _grid_mapping(crs: str) -> dict[str, str]:
-    """A CRS as CF's grid mapping variable holds it."""
+    """Return the attributes of a CRS in CF's grid mapping variable."""
     try:
         from rasterio.crs import CRS
         from rasterio.errors import CRSError
     except ImportError:
         return {"crs_wkt": crs, "spatial_ref": crs}
-    with contextlib.suppress(CRSError):  # a name that GDAL does not know is kept as it is
+    with contextlib.suppress(CRSError):  # a name that is unknown to GDAL is kept
         crs = str(CRS.from_user_input(crs).to_wkt())
     return {"crs_wkt": crs, "spatial_ref": crs}

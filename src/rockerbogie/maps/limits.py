@@ -19,16 +19,16 @@ BITS = {"pitch": 1, "roll": 2, "tilt": 4, "rocker": 8, "bogie": 16, "clearance":
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of a pose, in both directions; None is no limit. Angles in rad, clearance in m.
+    """Limits of a pose, symmetric about 0; None: no limit. Angles in rad, clearance in m.
 
-    A pose must keep its clearance above the limit, and the rest within it. Whatever the limits, a joint on or beyond its
-    mechanical stop exceeds, and so does a place where the rover cannot be settled.
+    A pose must keep its clearance above the limit and all other values within theirs. Independently of these limits, a joint
+    at or beyond its joint limit counts as exceeded, and so does a position at which the rover cannot be settled.
     """
 
     pitch: float | None = None
     roll: float | None = None
     tilt: float | None = None
-    rocker: float | None = None  # of the left rocker against the body: half of what a bar differential turns
+    rocker: float | None = None  # of the left rocker against the body: half the angle between the rockers
     bogie: float | None = None  # of either bogie against its rocker
     clearance: float | None = None
 
@@ -44,22 +44,32 @@ class Limits:
 
     @classmethod
     def named(cls, name: str) -> Limits:
-        """Limits known by name: one of `PRESETS`.
+        """Return the limits with a name.
+
+        Args:
+            name: one of `PRESETS`.
+
+        Returns:
+            The limits.
 
         Raises:
-            RockerbogieError: no such name; with the nearest that is.
+            RockerbogieError: no such name; the message gives the most similar one.
         """
         if name not in PRESETS:
             raise RockerbogieError(unknown_name("limits", name, PRESETS))
         return PRESETS[name]
 
     def to_json(self) -> str:
-        """Return the limits as JSON, None as null."""
+        """Return the limits as JSON.
+
+        Returns:
+            An object: name → value in rad or m, null for no limit.
+        """
         return json.dumps({name: None if value is None else float(value) for name, value in asdict(self).items()})
 
 
-#: Curiosity's are those its flight software stops a drive at (Rankin, Maimone, Biesiadecki, Patel, Levine, Toupet 2020,
-#: "Driving Curiosity: Mars Rover Mobility Trends During the First Seven Years").
+#: Curiosity's are the limits at which its flight software stops a drive (Rankin, Maimone, Biesiadecki, Patel, Levine, Toupet
+#: 2020, "Driving Curiosity: Mars Rover Mobility Trends During the First Seven Years").
 PRESETS = {
     "curiosity": Limits(
         pitch=math.radians(15), roll=math.radians(15), tilt=math.radians(30),
@@ -70,7 +80,7 @@ PRESETS = {
 
 
 def margin(pose: Pose, limits: Limits, tilt: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return how far each pose is within its closest limit of an angle, rad.
+    """Return the angle between each pose and its closest limit.
 
     Args:
         pose: (...) settled poses.
@@ -78,7 +88,7 @@ def margin(pose: Pose, limits: Limits, tilt: NDArray[np.float64]) -> NDArray[np.
         tilt: (...) of the poses, rad.
 
     Returns:
-        (...) rad; negative beyond a limit, NaN where the pose is, infinite without any limit.
+        (...) rad; negative beyond a limit, NaN where the pose is NaN, infinite without any limit.
     """
     room = np.where(np.isnan(pose.z), np.nan, np.inf)
     for angle, limit in ((pose.pitch, limits.pitch), (pose.roll, limits.roll), (tilt, limits.tilt)):
@@ -95,7 +105,17 @@ def margin(pose: Pose, limits: Limits, tilt: NDArray[np.float64]) -> NDArray[np.
 
 
 def exceeded(pose: Pose, limits: Limits, tilt: NDArray[np.float64], clearance: NDArray[np.float64] | None) -> NDArray[np.uint8]:
-    """Return the bit mask (...) of the limits that each pose exceeds; unknown clearance counts."""
+    """Return the limits that each pose exceeds.
+
+    Args:
+        pose: (...) settled poses.
+        limits: the limits.
+        tilt: (...) of the poses, rad.
+        clearance: (...) of the poses, m; a NaN exceeds its limit. None: it is not compared.
+
+    Returns:
+        (...) bit mask of `BITS`; `unsettled` alone where the pose is NaN.
+    """
     bits = np.zeros(pose.shape, dtype=np.uint8)
 
     def note(name: str, where: Any) -> None:

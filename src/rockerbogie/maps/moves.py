@@ -1,4 +1,4 @@
-"""Ways from cell to cell and from heading to heading of a map, and the graph they make."""
+"""Moves between cells and headings of a map, and the graph of all moves."""
 
 from __future__ import annotations
 
@@ -18,34 +18,48 @@ Array = NDArray[np.float64]
 #: A state relative to another: index of the heading, cells to the east (x), cells to the north (y).
 Place = tuple[int, int, int]
 
-#: Headings further apart than this are no neighbours: what lies between was not looked at.
+#: Headings further apart than this are not neighbours, as the poses between them were not computed.
 WIDEST_TURN = pi / 2
-#: How far a steered wheel is taken to turn, where a rover has too few of them to turn in place.
+#: Assumed greatest steering angle of a rover that cannot turn in place, rad.
 STEERING_LIMIT = pi / 4
-#: Longest grid step looked for, cells: enough for 64 headings.
+#: Longest grid step, cells: enough for 64 headings.
 LONGEST_STEP = 10
 
 
 class Move(NamedTuple):
     """One move from every state of one heading."""
 
-    way: tuple[Place, ...]  # all that must be passable, from the state left to the one reached
-    length: float  # over the ground, m
-    turn: float  # rad, either way
+    way: tuple[Place, ...]  # states that must be passable, from the first to the last
+    length: float  # horizontal, m
+    turn: float  # rad, absolute
 
     @property
     def end(self) -> Place:
-        """The state reached."""
+        """Last state."""
         return self.way[-1]
 
 
 def turns_in_place(rover: Rover) -> bool:
-    """Return True if a rover turns on the spot: its four corner wheels steer."""
+    """Return True if a rover can turn on the spot.
+
+    Args:
+        rover: the rover.
+
+    Returns:
+        True if its four corner wheels steer.
+    """
     return bool(rover.steers[[0, 1, 4, 5]].all())
 
 
 def turning_radius(rover: Rover) -> float:
-    """Return the tightest arc (m) of a rover with fewer steered corners: wheels turned by 45°."""
+    """Return the radius of the tightest arc of a rover with fewer than four steered corners.
+
+    Args:
+        rover: the rover; its wheels are assumed to steer by up to `STEERING_LIMIT`.
+
+    Returns:
+        m; infinite if no wheel steers.
+    """
     if not rover.steers.any():
         return float("inf")
     fixed = rover.hubs[~rover.steers, 0].mean()
@@ -54,13 +68,17 @@ def turning_radius(rover: Rover) -> float:
 
 
 def grid_steps(heading: Array, cell: tuple[float, float] = (1.0, 1.0)) -> list[tuple[int, int]]:
-    """Return for each heading (n,) the shortest step (cells east, north) closest to it.
+    """Return the shortest grid step that is closest to each heading.
 
-    On square cells four even headings give a chess rook's steps, eight the king's, sixteen the king's and the knight's.
-    (0, 0) where headings are too close for any step of `LONGEST_STEP` cells.
+    On square cells, four even headings give the steps of a chess rook, eight those of the king, sixteen those of king and
+    knight.
 
     Args:
+        heading: (n,) rad.
         cell: (dx, dy), m.
+
+    Returns:
+        (cells east, cells north) per heading; (0, 0) if headings are too close for steps of up to `LONGEST_STEP` cells.
     """
     order = np.argsort(heading % (2 * pi))
     gap = np.diff(np.append(heading[order] % (2 * pi), (heading[order][0] % (2 * pi)) + 2 * pi))
@@ -76,7 +94,14 @@ def grid_steps(heading: Array, cell: tuple[float, float] = (1.0, 1.0)) -> list[t
 
 
 def swept(step: tuple[int, int]) -> list[tuple[int, int]]:
-    """Return the cells under the straight line between two cell centres, both included."""
+    """Return the cells under the straight line between two cell centres.
+
+    Args:
+        step: (cells east, cells north) from the first to the last.
+
+    Returns:
+        (east, north) of each cell relative to the first, both ends included.
+    """
     a, b = step
     cuts = {Fraction(0), Fraction(1)}
     for size in (abs(a), abs(b)):
@@ -87,11 +112,17 @@ def swept(step: tuple[int, int]) -> list[tuple[int, int]]:
 
 
 def moves(heading: Array, cell: tuple[float, float], in_place: bool, radius: float, backward: bool) -> list[list[Move]]:
-    """The ways out of each heading (n,), rad, on cells of (dx, dy) m: docs/maps.md, "plan".
+    """Return the moves out of each heading (docs/maps.md, "plan").
 
     Args:
-        in_place: turn to the neighbouring headings on the spot; else only on arcs no tighter than `radius`, m.
-        backward: drive backwards too.
+        heading: (n,) rad.
+        cell: (dx, dy), m.
+        in_place: turn to the neighbouring headings on the spot; False: on arcs no tighter than `radius`.
+        radius: m; infinite: no arcs.
+        backward: include driving backwards.
+
+    Returns:
+        Per heading, its moves.
     """
     steps = grid_steps(heading, cell)
     signs = (1, -1) if backward else (1,)
@@ -110,9 +141,19 @@ def moves(heading: Array, cell: tuple[float, float], in_place: bool, radius: flo
 def graph(
     passable: NDArray[np.bool_], risk: NDArray[np.floating[Any]], ways: list[list[Move]], turn_cost: float
 ) -> tuple[Any, NDArray[np.int32]]:
-    """Return the sparse costs of moves between passable states, and each state's row (or -1).
+    """Return the sparse costs of moves between passable states.
 
-    A move's cost is its length times 1 + the mean risk of the states on its way, and `turn_cost` m a radian turned.
+    A move's cost is its length times (1 + mean risk of the states on it), plus `turn_cost` per radian turned.
+
+    Args:
+        passable: (headings, rows, cols).
+        risk: (headings, rows, cols) extra cost per metre, 0 or more.
+        ways: of `moves`.
+        turn_cost: m per radian.
+
+    Returns:
+        SciPy's csr_array (states, states) of costs, m; and the number (headings, rows, cols) of each state, -1 if it is not
+        passable.
     """
     from scipy.sparse import csr_array
 
@@ -166,6 +207,7 @@ def _one_move(
 
 
 def _leg(k: int, step: tuple[int, int], sign: int, cell: tuple[float, float]) -> Move:
+    """Return a move of one grid step along heading k; sign -1 is backwards."""
     way = tuple((k, sign * a, sign * b) for a, b in swept(step))
     return Move(way, hypot(step[0] * cell[0], step[1] * cell[1]), 0.0)
 
@@ -178,7 +220,7 @@ def _arc(
     sign: int,
     cell: tuple[float, float],
 ) -> Move:
-    """Return steps along one heading and as many along the next, with room for the arc."""
+    """Return a move of n steps along each of two headings, with room for the arc."""
     lengths = [hypot(s[0] * cell[0], s[1] * cell[1]) for _, s in (first, then)]
     count = max(1, ceil(radius * tan(angle / 2) / min(lengths) - 1e-9))
     way: list[Place] = []
@@ -191,7 +233,7 @@ def _arc(
 
 
 def _neighbours(heading: Array, k: int) -> Iterator[tuple[int, float]]:
-    """The next headings to the left and to the right of heading k, and how far they are, rad."""
+    """Yield the next headings to the left and right of heading k, and the angle to each, rad."""
     off = np.array([wrap_angle(h - heading[k]) for h in heading])
     for side in (1, -1):
         ahead = np.flatnonzero((side * off > 1e-9) & (side * off <= WIDEST_TURN + 1e-9))

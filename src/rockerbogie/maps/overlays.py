@@ -1,4 +1,4 @@
-"""Keep-out areas and costs of one's own, on the cells of a map."""
+"""Keep-out areas and costs given by the user, on the cells of a map."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def keep_out_cells(maps: xr.Dataset, layer: Any, margin: float) -> NDArray[np.bo
         forbidden = np.isfinite(values) & (values != 0)
     if margin > 0 and forbidden.any():
         dx, dy = cell_size(maps)
-        reach = margin + 0.5 * math.hypot(dx, dy)  # from the centre of a forbidden cell, all of which is out of bounds
+        reach = margin + 0.5 * math.hypot(dx, dy)  # from the centre of a forbidden cell, which is forbidden as a whole
         forbidden |= np.asarray(distance_transform_edt(~forbidden, sampling=(dy, dx))) <= reach
     return forbidden
 
@@ -78,7 +78,7 @@ def cost_cells(maps: xr.Dataset, layer: Any) -> Array:
         try:
             costs = np.nan_to_num(features.fields[COST].astype(float))
         except (TypeError, ValueError):
-            raise RockerbogieError(f"{features.name}: column {COST!r} holds values that are no numbers") from None
+            raise RockerbogieError(f"{features.name}: column {COST!r} holds values that are not numbers") from None
         values = _burn(maps, features, costs)
     else:
         values = np.nan_to_num(_values(maps, layer, "cost", greatest=False), nan=0.0, posinf=np.inf)
@@ -151,7 +151,7 @@ def _values(maps: xr.Dataset, layer: Any, what: str, *, greatest: bool) -> Array
                 layer = layer.transpose("y", "x").reindex_like(maps[["x", "y"]], method="nearest", tolerance=1e-6)
             values = np.asarray(getattr(layer, "values", layer), dtype=float)
         except (TypeError, ValueError) as error:
-            raise RockerbogieError(f"the {what} layer is no array of numbers over y and x: {error}") from None
+            raise RockerbogieError(f"the {what} layer is not an array of numbers over y and x: {error}") from None
         if values.shape != shape:
             raise RockerbogieError(f"the {what} layer has shape {values.shape}; the map has {shape} cells (y, x)")
         return values

@@ -28,9 +28,9 @@ Array = NDArray[np.float64]
 State = tuple[int, int, int]  # index of the heading, row (y), column (x)
 Maps = "xr.Dataset | str | FilePath"
 
-#: Tilt that counts as a risk of 1 where the map's limits name none, rad.
+#: Tilt with a risk of 1 if the map has no limit of tilt, rad.
 USUAL_TILT = np.radians(30.0)
-#: Speed that times are computed with, m/s: Curiosity's greatest.
+#: Default speed for times, m/s: Curiosity's greatest.
 USUAL_SPEED = 0.04
 
 
@@ -189,7 +189,7 @@ def _problem(
         kept = keep_out_cells(source, keep_out, _radius(machine) if margin is None else margin)
         layers = layers._replace(passable=layers.passable & ~kept)
     elif margin is not None:
-        raise RockerbogieError("keep_out_margin belongs to keep-out areas: give keep_out, too")
+        raise RockerbogieError("keep_out_margin needs keep-out areas: give keep_out, too")
     risk = np.where(layers.passable, tilt_weight * (layers.tilt / limit) ** 2, 0.0).astype(np.float32)
     if cost is not None:
         risk = risk + cost_cells(source, cost).astype(np.float32)
@@ -240,7 +240,7 @@ def _layers(maps: xr.Dataset) -> tuple[_Layers, float]:
             passable = np.broadcast_to(maps["passable"].transpose("y", "x").values == 1, shape)
             tilt = np.broadcast_to(maps["worst_tilt"].transpose("y", "x").values, shape)
     except KeyError as error:
-        raise RockerbogieError(f"this map has no {error}: plan on one that rockerbogie.traversability made") from None
+        raise RockerbogieError(f"this map has no {error}: give one from rockerbogie.traversability") from None
     if "clearance" in maps:
         clearance = maps["clearance"].transpose("heading", "y", "x").values
     elif "worst_clearance" in maps:
@@ -260,7 +260,7 @@ def _turning(rover: Rover | None, name: str, in_place: bool | None) -> tuple[Rov
         except RoverError:
             if in_place is None:
                 raise RockerbogieError(
-                    f"the map's rover {name!r} is no preset, so how it turns is not known: give rover= or turn_in_place="
+                    f"the map's rover {name!r} is not a preset, so its way to turn is not known: give rover= or turn_in_place="
                 ) from None
     if rover is not None:
         expect(rover, Rover, "rover", LOAD_ROVER)
@@ -290,11 +290,11 @@ def _states(layers: _Layers, place: Sequence[float], name: str) -> list[State]:
     facing = "at any heading" if off is None else f"facing {np.degrees(layers.heading[headings[0]]):.4g} deg"
     free = np.any(layers.passable[list(headings)], axis=0)
     if not free.any():
-        raise PathError(f"the rover may stand nowhere on this map {facing}: see its layer 'exceeded', or widen the limits")
+        raise PathError(f"no cell of this map is passable {facing}: see its layer 'exceeded', or widen the limits")
     near = _nearest(layers, free, x, y)
     raise PathError(
-        f"the rover may not stand at {name} ({x:.10g}, {y:.10g}) m {facing}; "
-        f"the nearest place where it may is ({near[0]:.10g}, {near[1]:.10g}) m, {near[2]:.4g} m away"
+        f"{name} ({x:.10g}, {y:.10g}) m is not passable {facing}; "
+        f"the nearest passable position is ({near[0]:.10g}, {near[1]:.10g}) m, {near[2]:.4g} m away"
     )
 
 
@@ -309,11 +309,12 @@ def _nearest(layers: _Layers, free: NDArray[Any], x: float, y: float) -> tuple[f
 def _no_way(
     layers: _Layers, number: NDArray[np.int32], seen: NDArray[np.bool_], start: Sequence[float], goal: Sequence[float]
 ) -> str:
+    """Return the message for a goal that cannot be reached."""
     near = _nearest(layers, np.any(seen, axis=0), float(goal[0]), float(goal[1]))
     share = seen.sum() / (number >= 0).sum()
     return (
-        f"there is no way from ({start[0]:.10g}, {start[1]:.10g}) to ({goal[0]:.10g}, {goal[1]:.10g}) m within the limits: "
-        f"of the passable states {100 * share:.3g} % can be reached; the nearest place to the goal among them is "
+        f"there is no route from ({start[0]:.10g}, {start[1]:.10g}) to ({goal[0]:.10g}, {goal[1]:.10g}) m within the limits: "
+        f"of the passable states {100 * share:.3g} % can be reached; the nearest of them to the goal is at "
         f"({near[0]:.10g}, {near[1]:.10g}) m, {near[2]:.4g} m from it"
     )
 
@@ -334,14 +335,14 @@ def _route_of(problem: _Problem, states: list[State], cost: Array, goal: NDArray
             middle = ((yaw[n] + yaw[n - 1]) / 2, (cost[n] + cost[n - 1]) / 2)
             poses.append((layers.x[across], layers.y[up], *middle, most, least, goal[n]))
         poses.append((x[n], y[n], yaw[n], cost[n], tilt[n], clearance[n], goal[n]))
-    px, py, facing, price, lean, room, leads_to = np.array(poses, dtype=float).T
+    px, py, facing, price, tilts, room, leads_to = np.array(poses, dtype=float).T
     steps = np.hypot(np.diff(px), np.diff(py))
     distance = np.concatenate([[0.0], np.cumsum(steps)])
     # a turn on the spot takes as long as the outermost wheel needs at this speed
     spent = np.where(steps > 0, steps, np.abs(np.diff(facing)) * (_radius(problem.rover) or 1.0)) / speed
     time = np.concatenate([[0.0], np.cumsum(spent)])
     about = (layers.crs, layers.rover)
-    return Route(px, py, facing, distance, price, lean, *about, room, time, leads_to.astype(np.int64))
+    return Route(px, py, facing, distance, price, tilts, *about, room, time, leads_to.astype(np.int64))
 
 
 def _corner(layers: _Layers, left: State, reached: State) -> tuple[int, int]:

@@ -1,4 +1,4 @@
-"""Small maps for pictures, and counts of a map's cells."""
+"""Reduced maps for pictures, and counts of a map's cells."""
 
 from __future__ import annotations
 
@@ -25,14 +25,21 @@ class Tally(NamedTuple):
     """Counts of a map's cells."""
 
     cells: int
-    known: int  # cells where the ground is known at some heading
-    every: int  # of them, cells passable at every heading
-    some: int  # and at some, but not all
-    exceeded: dict[str, int]  # and cells where a limit is exceeded at some heading
+    known: int  # cells with terrain data at some heading
+    every: int  # known cells that are passable at every heading
+    some: int  # known cells that are passable at some headings, not all
+    exceeded: dict[str, int]  # limit → number of known cells that exceed it at some heading
 
 
 def tally(maps: xr.Dataset) -> Tally:
-    """Count a map's cells, piece by piece."""
+    """Count the cells of a map, piece by piece.
+
+    Args:
+        maps: with the layers `passable` and `worst_exceeded`.
+
+    Returns:
+        The counts.
+    """
     flags = maps["worst_exceeded"].attrs
     bits = dict(zip(str(flags["flag_meanings"]).split(), np.ravel(flags["flag_masks"]).tolist(), strict=True))
     known = every = some = 0
@@ -52,17 +59,23 @@ def tally(maps: xr.Dataset) -> Tally:
 def overview(
     maps: xr.Dataset, ground: Terrain | str | Path | None = None, most: int = MOST, *, band: int = 1, cell: float | None = None
 ) -> xr.Dataset:
-    """Every k-th cell of a map's summaries, in memory, so that at most `most` lie along a side.
+    """Return every k-th cell of a map's summaries, in memory.
 
-    With ground (a terrain, or a raster file, which is read in strips) they come with its height there, as `ground`.
+    Args:
+        maps: the map.
+        ground: terrain, or its raster file (read in strips), for heights at the cells; None: no heights.
+        most: greatest number of cells along a side of the result.
+        band: of the raster file.
+        cell: of the raster file, as `Terrain.from_raster`.
+
+    Returns:
+        The reduced map, with the heights as `ground`, m.
 
     Raises:
-        RockerbogieError: a map without `passable`, by which it is coloured.
+        RockerbogieError: a map without `passable`, which gives the colours.
     """
     if FIRST not in maps:
-        raise RockerbogieError(
-            f"the map was made without its layer {FIRST!r}, by which a picture is coloured: leave the picture out"
-        )
+        raise RockerbogieError(f"the map has no layer {FIRST!r}, which gives the colours of a picture: leave the picture out")
     k = -(-max(maps.sizes["y"], maps.sizes["x"]) // most)
     flat = maps.drop_vars([name for name, v in maps.data_vars.items() if set(v.dims) != {"y", "x"}])
     small = flat.isel(y=slice(k // 2, None, k), x=slice(k // 2, None, k)).load()
@@ -74,7 +87,7 @@ def overview(
 
 
 def _nearest(file: str | Path, band: int, cell: float | None, x: Array, y: Array) -> Array:
-    """Heights (y, x) of a raster's nodes nearest to the places of a grid; nan beyond it."""
+    """Return the heights (y, x) of the raster nodes nearest to a grid's points; NaN beyond it."""
     raster = open_raster(file, band, cell).screened(quiet=True)
     rows, cols = (
         np.rint((at - first) / step).astype(int)

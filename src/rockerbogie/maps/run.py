@@ -28,9 +28,9 @@ from .windows import TerrainWindows
 LARGEST = 1 << 21
 #: Fewer chunks per thread than this would leave some threads idle at the end.
 FEW = 4
-#: How long a scheduler may take to answer, its first worker to come, and all workers to report their version, s.
+#: Greatest time in which a scheduler answers, its first worker appears, and all workers report their version, s.
 PATIENCE = 8.0
-#: How often finished cells are reported, s.
+#: Interval at which finished cells are reported, s.
 REPORT = 0.1
 #: Called with the number of cells done and of all cells.
 Progress = Callable[[int, int], None]
@@ -44,15 +44,36 @@ class Memory:
 
     @classmethod
     def blank(cls, job: Job, tile: Tile) -> Memory:
-        """Return memory for the layers of a tile, or of the whole map."""
+        """Return memory for the layers of a tile, or of the whole map.
+
+        Args:
+            job: gives the layers.
+            tile: the cells.
+
+        Returns:
+            Layers with their blank values.
+        """
         return cls({name: np.full(job.shape(name, tile), LAYERS[name].blank, LAYERS[name].kind) for name in job.layers})
 
     def take(self, name: str, region: tuple[slice, ...], values: NDArray[Any]) -> None:
-        """Keep a part of a layer."""
+        """Store a part of a layer.
+
+        Args:
+            name: of the layer.
+            region: its indices.
+            values: of that part.
+        """
         self.arrays[name][region] = values
 
     def take_from(self, whole: Tile, name: str, region: tuple[slice, ...], values: NDArray[Any]) -> None:
-        """Keep a part of a layer of the tile `whole`; `region` is on the map."""
+        """Store a part of a layer of the tile `whole`.
+
+        Args:
+            whole: the tile that this memory holds.
+            name: of the layer.
+            region: its indices on the map.
+            values: of that part.
+        """
         rows, cols = (
             slice(part.start - first, part.stop - first)
             for part, first in zip(region[-2:], (whole.rows[0], whole.cols[0]), strict=True)
@@ -60,11 +81,22 @@ class Memory:
         self.arrays[name][(*region[:-2], rows, cols)] = values
 
     def is_done(self, tile: Tile) -> bool:
-        """Return False: memory has no tiles of an earlier run."""
+        """Return False: memory has no tiles of an earlier run.
+
+        Args:
+            tile: not used.
+
+        Returns:
+            False.
+        """
         return False
 
     def finish(self, tile: Tile) -> None:
-        """Do nothing: a run in memory cannot be resumed."""
+        """Do nothing: a run in memory cannot be resumed.
+
+        Args:
+            tile: not used.
+        """
 
 
 class _StoppedError(Exception):
@@ -76,7 +108,7 @@ class _Meter:
 
     def __init__(self) -> None:
         self.stop = False
-        self._cells, self._told, self._lock = 0.0, 0, threading.Lock()
+        self._cells, self._reported, self._lock = 0.0, 0, threading.Lock()
 
     def tick(self, cells: float) -> None:
         """Add cells; raise if the work is to stop."""
@@ -88,8 +120,8 @@ class _Meter:
     def news(self) -> int:
         """Return how many whole cells were added since the last call."""
         with self._lock:
-            new = int(self._cells + 1e-6) - self._told
-            self._told += new
+            new = int(self._cells + 1e-6) - self._reported
+            self._reported += new
         return new
 
 
@@ -193,6 +225,18 @@ def on_cluster(
 
     Workers read the terrain's file and write the store themselves. Only a few chunks are submitted at once; chunks of a
     worker that dies are submitted again.
+
+    Args:
+        job: the work.
+        windows: the terrain.
+        chunks: tiles, chunk by chunk.
+        store: folder of the store.
+        workers: number of processes on this machine; None: one per core.
+        scheduler: address of an existing cluster; None: start one.
+        tell: called with the number of cells of each chunk that is done.
+
+    Raises:
+        RockerbogieError: dask missing; no scheduler or workers; workers of another version; workers that die or fail.
     """
     with _client(workers, scheduler) as client:
         from distributed import KilledWorker, as_completed
@@ -214,11 +258,11 @@ def on_cluster(
                 submit(1)
         except KilledWorker as error:
             raise RockerbogieError(
-                f"workers die of this map, perhaps for lack of memory; give a smaller chunk: {error}"
+                f"workers die while they make this map, perhaps for lack of memory: give a smaller chunk ({error})"
             ) from None
         except CancelledError:
             raise RockerbogieError(
-                "the Dask cluster went away; what is finished is kept, and the same call continues from there"
+                "the connection to the Dask cluster was lost; finished tiles are kept, and the same call continues from there"
             ) from None
         except Exception:
             client.cancel(list(finished.futures))
@@ -253,7 +297,7 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
         finally:
             client.close(timeout=1)
         return
-    # a chunk is tried again as often as a worker dies under it, within reason
+    # a chunk is tried again when its worker dies, up to 20 times
     settings = {"distributed.scheduler.allowed-failures": 20, "distributed.logging.distributed": "error"}
     with (
         dask.config.set(settings),
@@ -268,7 +312,7 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     ):
         try:
             yield client
-        except KeyboardInterrupt:  # to close a worker takes seconds while it works; its store stays whole
+        except KeyboardInterrupt:  # closing a busy worker takes seconds; a killed one leaves the store consistent
             for nanny in cluster.workers.values():
                 nanny.auto_restart = False
                 with suppress(OSError):
@@ -293,7 +337,7 @@ def _check_workers(client: Any, scheduler: str) -> None:
     asking.start()
     asking.join(PATIENCE / 2)
     if asking.is_alive():
-        raise RockerbogieError(f"the workers of the Dask cluster at {scheduler!r} do not answer: look at their logs")
+        raise RockerbogieError(f"the workers of the Dask cluster at {scheduler!r} do not answer: see their logs")
     for worker, answer in answers.items():
         if isinstance(answer, Exception):
             raise RockerbogieError(

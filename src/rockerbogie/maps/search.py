@@ -11,24 +11,32 @@ Array = NDArray[np.float64]
 
 
 def reach_from(costs: Any, begin: list[int]) -> Array:
-    """Return the least cost (states,) of reaching each state; infinite if there is no way."""
+    """Return the least cost of reaching each state.
+
+    Args:
+        costs: sparse (states, states).
+        begin: states of the start.
+
+    Returns:
+        (states,) m; infinite if there is no route.
+    """
     from scipy.sparse.csgraph import dijkstra
 
     return np.asarray(dijkstra(costs, indices=begin, min_only=True), dtype=float)
 
 
 def through(costs: Any, stops: list[list[int]]) -> tuple[Array, Array, Array] | tuple[int, Array]:
-    """Find the least-cost way from the first stop through all others, in order.
+    """Find the least-cost route from the first stop through all others, in order.
 
-    Each stop is any one of some states (a cell at several headings); which one is chosen for the least sum over all legs.
+    Each stop is a set of states (a cell at several headings). One of them is chosen so that the sum over all legs is least.
 
     Args:
         costs: sparse (states, states).
         stops: states of the start and of each goal.
 
     Returns:
-        States of the way, the cost at each, and the number of the goal it leads to, from 1. If a goal cannot be reached:
-        the number of goals before it, and the cost (states,) of each state on the way to it, infinite where there is no way.
+        States of the route, the cost at each, and the number of the goal that it leads to, from 1. If a goal cannot be reached:
+        the number of goals before it, and the cost (states,) of each state on the last leg, infinite if there is no route.
     """
     from scipy.sparse.csgraph import dijkstra
 
@@ -58,9 +66,10 @@ def through(costs: Any, stops: list[list[int]]) -> tuple[Array, Array, Array] | 
 
 
 def _onward(costs: Any, ends: list[int], reached: Array) -> tuple[Array, Array]:
-    """Search from the states of a goal, each at the cost of having come there.
+    """Search from the states of a goal, each starting with its cost so far.
 
-    The search starts in one more state with an edge to each of them. Its costs are 1 higher, because an edge of 0 is none.
+    The search starts in an extra state with an edge to each of them. Its costs are higher by 1, because a sparse edge of 0 is
+    no edge.
     """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import dijkstra

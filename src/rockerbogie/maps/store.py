@@ -1,7 +1,7 @@
-"""A map on disk while it is made: layers, finished tiles, and the inputs it is made from.
+"""Unfinished map on disk: layers, finished tiles, and the inputs of the map.
 
-store/made_from.json   rover, ground, limits, ...: a store is only ever gone on with from the very same
-store/map.zarr/        the layers, a Zarr group; laid out the same however a map is cut in chunks
+store/made_from.json   rover, terrain, limits, ...: a store is continued only with equal inputs
+store/map.zarr/        the layers, a Zarr group; its layout does not depend on the chunks
 store/done/ROW_COL     an empty file for each tile whose layers are all on disk
 """
 
@@ -34,44 +34,70 @@ NUMERICS = 1
 
 @dataclass(frozen=True)
 class Store:
-    """One map's folder. Any number of processes may write tiles into it at once."""
+    """Folder of one map. Several processes may write tiles into it at the same time."""
 
     path: Path
 
     @cached_property
     def arrays(self) -> dict[str, Any]:
-        """The layers, open for writing."""
+        """Layers, open for writing."""
         zarr = import_zarr()
         group = zarr.open_group(self.path / "map.zarr", mode="r+")
         return {name: group[name] for name in group.array_keys()}
 
     def take(self, name: str, region: tuple[slice, ...], values: NDArray[Any]) -> None:
-        """Write a part of a layer."""
+        """Write a part of a layer.
+
+        Args:
+            name: of the layer.
+            region: its indices.
+            values: of that part.
+        """
         self.arrays[name][region] = values
 
     def is_done(self, tile: Tile) -> bool:
-        """Return True if all layers of a tile are written."""
+        """Return True if all layers of a tile are written.
+
+        Args:
+            tile: the tile.
+
+        Returns:
+            True if it is marked as finished.
+        """
         return self._mark(tile).exists()
 
     def finish(self, tile: Tile) -> None:
-        """Say that a tile's layers are all written. Done in one stroke, after they are."""
+        """Mark a tile as finished, in one atomic step; call it after all its layers are written.
+
+        Args:
+            tile: the tile.
+        """
         self._mark(tile).touch()
 
     def tidy(self) -> None:
-        """Take away what writers that were killed left half written."""
+        """Remove partial files of writers that were killed."""
         for scrap in (self.path / "map.zarr").rglob("*.partial"):
             scrap.unlink(missing_ok=True)
 
     def _mark(self, tile: Tile) -> Path:
+        """Return the file that marks a tile as finished."""
         return self.path / "done" / f"{tile.rows[0]}_{tile.cols[0]}"
 
 
 def open_store(path: Path, job: Job, made_from: dict[str, Any]) -> Store:
-    """The store at a path, new or to be gone on with.
+    """Open the store at a path: a new one, or one to continue.
+
+    Args:
+        path: its folder.
+        job: gives the layers.
+        made_from: the inputs, of `made_from`.
+
+    Returns:
+        The store.
 
     Raises:
-        RockerbogieError: zarr is not installed; the folder is something else, or a map made from something else; it
-            cannot be written.
+        RockerbogieError: zarr is not installed; the folder is something else, or a map made from other inputs; it cannot be
+            written.
     """
     import_zarr()
     store = Store(path)
@@ -93,14 +119,17 @@ def open_store(path: Path, job: Job, made_from: dict[str, Any]) -> Store:
         (path / "done").mkdir()
         (path / "ready").touch()
     except json.JSONDecodeError:
-        raise RockerbogieError(f"{str(record)!r} is damaged: take {str(path)!r} away and begin anew") from None
+        raise RockerbogieError(f"{str(record)!r} is damaged: remove {str(path)!r} and start again") from None
     except OSError as error:
         raise RockerbogieError(f"cannot make a map in {str(path)!r}: {error.strerror or error}") from None
     return store
 
 
 def check_store(path: Path) -> None:
-    """Raise if a path is taken by something that is not a map's store.
+    """Raise if a path exists and is not the store of a map.
+
+    Args:
+        path: of the store.
 
     Raises:
         RockerbogieError: a file is there, or a folder that holds something else.
@@ -112,7 +141,11 @@ def check_store(path: Path) -> None:
 
 
 def discard_store(path: Path) -> None:
-    """Remove a map's store; other files in its folder are kept, and the folder with them."""
+    """Remove a map's store; other files in its folder are kept, and the folder with them.
+
+    Args:
+        path: of the store.
+    """
     for folder in ("map.zarr", "done"):
         shutil.rmtree(path / folder, ignore_errors=True)
     for file in ("ready", "made_from.json"):
@@ -122,7 +155,15 @@ def discard_store(path: Path) -> None:
 
 
 def made_from(job: Job, ground: Ground) -> dict[str, Any]:
-    """Return the inputs of a map: equal inputs give equal bytes."""
+    """Return the inputs of a map: equal inputs give equal bytes.
+
+    Args:
+        job: the work.
+        ground: the terrain.
+
+    Returns:
+        Values for JSON: digests of rover and heights, extent, headings, cells, limits, mode, layers, versions.
+    """
     whole = ground.whole
     packed = hashlib.sha256(job.rover.packed.tobytes()).hexdigest()
     return {
@@ -140,19 +181,19 @@ def made_from(job: Job, ground: Ground) -> dict[str, Any]:
 
 
 def _check_same(path: Path, before: dict[str, Any], now: dict[str, Any]) -> None:
-    """Refuse to mix two maps."""
+    """Raise if a store was made from other inputs."""
     now = json.loads(json.dumps(now))
     if other := [name for name in now if before.get(name) != now[name]]:
         what = {
-            "heights": "heights of the terrain", "ground": "place of the terrain", "cells": "cells (resolution, bounds)",
+            "heights": "heights of the terrain", "ground": "extent of the terrain", "cells": "cells (resolution, bounds)",
             "rockerbogie": "version of rockerbogie",
         }  # fmt: skip
         told = ", ".join(f"another {what.get(name, name)}{_told(before.get(name), now[name])}" for name in other)
-        raise RockerbogieError(f"{str(path)!r} holds a map made from {told}: give another name, or take it away to begin anew")
+        raise RockerbogieError(f"{str(path)!r} holds a map made from {told}: give another name, or remove it to start again")
 
 
 def _told(before: Any, now: Any) -> str:
-    """Both values, where they are short enough to help."""
+    """Return both values as text if they are short enough, otherwise ""."""
     for value in (before, now):
         if isinstance(value, list) and len(value) == 2 and all(isinstance(v, str) for v in value):
             return f" ({before[0]}, now {now[0]})" if before and before[0] != now[0] else ""
@@ -161,7 +202,7 @@ def _told(before: Any, now: Any) -> str:
 
 
 def _lay_out(path: Path, job: Job) -> None:
-    """Make the layers, blank."""
+    """Create the layers with their blank values."""
     zarr = import_zarr()
     group = zarr.create_group(path)
     for name in chosen_layers(job.layers):
@@ -174,13 +215,21 @@ def _lay_out(path: Path, job: Job) -> None:
             dtype=layer.kind,
             fill_value=layer.blank,
             dimension_names=layer.dims,
-            # angles are noise to a compressor, and would cost it more time than their settling leaves to spare
+            # angles hardly compress, and trying to takes more time than settling them
             compressors=None if layer.per_heading and layer.kind == "float64" else "auto",
         )
 
 
 def read(store: Store, lazily: bool) -> dict[str, Any]:
-    """The layers of a finished store: lazy dask arrays, or NumPy's."""
+    """Return the layers of a finished store.
+
+    Args:
+        store: the store.
+        lazily: return dask arrays, which read the store at use.
+
+    Returns:
+        Layers by name, NumPy or dask arrays.
+    """
     if not lazily:
         return {name: np.asarray(store.arrays[name][...]) for name in store.arrays}
     import dask.array as da
@@ -189,7 +238,14 @@ def read(store: Store, lazily: bool) -> dict[str, Any]:
 
 
 def import_zarr() -> Any:
-    """Return the zarr package; raise if it is not installed."""
+    """Return the module zarr.
+
+    Returns:
+        The module.
+
+    Raises:
+        RockerbogieError: zarr or dask is not installed.
+    """
     require("a map on disk", "scale", "zarr", "dask")
     import zarr
 

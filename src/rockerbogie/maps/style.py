@@ -14,14 +14,14 @@ if TYPE_CHECKING:
 
 
 class Class(NamedTuple):
-    """Cells of one colour."""
+    """Class of cells with one colour."""
 
     most: float  # greatest share of headings passable
     colour: str
     label: str
 
 
-#: Okabe and Ito's colours and Tol's wine, which the colour-blind can tell apart. A share is some headings of all of them.
+#: Colours of Okabe and Ito, and Tol's wine, for the colour-blind. A share is that of the passable headings.
 CLASSES = (
     Class(0.0, "#882255", "no heading passable"),
     Class(0.5, "#E69F00", "up to half of the headings passable"),
@@ -31,7 +31,16 @@ CLASSES = (
 
 
 def write_style(maps: xr.Dataset, file: str | Path, *, per_heading: bool = False) -> Path:
-    """Write the QGIS style (.qml) beside a map's GeoTIFF of the same name."""
+    """Write the QGIS style (.qml) of a map's GeoTIFF.
+
+    Args:
+        maps: the map, with the layer `passable`.
+        file: the .qml, named as the GeoTIFF; overwritten.
+        per_heading: as for the GeoTIFF.
+
+    Returns:
+        The path of the file.
+    """
     band = 1 + [layer.variable for layer in bands(maps, per_heading)].index(FIRST)
     items = "\n".join(
         f'          <item alpha="255" value={quoteattr(_bound(c.most))} color={quoteattr(c.colour)} label={quoteattr(c.label)}/>'
@@ -42,6 +51,7 @@ def write_style(maps: xr.Dataset, file: str | Path, *, per_heading: bool = False
 
 
 def _bound(most: float) -> str:
+    """Return the upper bound of a class as QGIS writes it."""
     return "inf" if most == 1.0 else f"{most:.9g}"
 
 

@@ -19,12 +19,12 @@ from .layers import LAYERS
 from .limits import Limits, exceeded, margin
 
 Array = NDArray[np.float64]
-#: Receives a layer's values: its name, their region on the map, the values.
+#: Function for a layer's values: its name, their region on the map, the values.
 Take = Callable[[str, tuple[slice, ...], NDArray[Any]], None]
 #: Called after every batch of poses with the cells done (a fraction counts headings); raises to stop the work.
 Tick = Callable[[float], None]
 
-#: Headings of a tile settled in one pass: bounds the memory whatever their number.
+#: Headings of a tile settled in one pass: limits the memory for any number of headings.
 HEADINGS = 4
 #: Poses of a batch at first, at least and at most, and the time that a batch should take, s: work stops between batches.
 FIRST_BATCH, MOST_BATCH, BATCH_TIME = 256, 1 << 16, 0.15
@@ -44,7 +44,15 @@ class Job:
     layers: tuple[str, ...]
 
     def shape(self, layer: str, tile: Tile) -> tuple[int, ...]:
-        """Return a layer's shape over a tile."""
+        """Return the shape of a layer over a tile.
+
+        Args:
+            layer: its name.
+            tile: the cells.
+
+        Returns:
+            (headings, rows, cols) or (rows, cols).
+        """
         return (len(self.headings), *tile.shape) if LAYERS[layer].per_heading else tile.shape
 
     def settle(self, terrain: Terrain, tile: Tile, take: Take, tick: Tick = lambda cells: None) -> None:
@@ -120,7 +128,14 @@ _RELIEF = frozenset({"slope", "aspect", "roughness"})
 
 
 def disc(radius: float) -> tuple[Array, Array]:
-    """Return the offsets x, y (n,) of the heights for roughness, m: a grid cut to a disc."""
+    """Return the offsets of the heights from which roughness is computed: a grid cut to a disc.
+
+    Args:
+        radius: of the disc, m.
+
+    Returns:
+        x and y (n,), m.
+    """
     at = np.linspace(-radius, radius, ACROSS)
     u, v = np.meshgrid(at, at)
     inside = np.hypot(u, v) <= radius * (1 + 1e-9)

@@ -31,7 +31,7 @@ from .windows import TerrainWindows
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Bytes of layers that are held in memory; a larger map stays in its store and is read when looked at.
+#: Bytes of layers that are held in memory; a larger map stays in its store and is read at use.
 IN_MEMORY = 1 << 30
 
 
@@ -57,26 +57,31 @@ def traversability(
     """Settle the rover at every cell and heading of a terrain, bit-identical to `settle`.
 
     Args:
-        terrain: ground in memory; or a raster's path, which is read in windows and never whole.
-        headings: how many, evenly from +x on, counter-clockwise; or which, (n,) rad.
-        resolution: side of a cell, m; cells lie on the terrain's first node and every so much from it. None: on its nodes.
-        limits: what a pose may have at most, a `Limits` or the name of one; None: Curiosity's flight limits.
+        rover: the rover.
+        terrain: terrain in memory; or a raster's path, which is read in windows and never whole.
+        headings: their number, evenly spaced from +x counter-clockwise; or the angles, (n,) rad.
+        resolution: side of a cell, m, counted from the terrain's first node. None: the nodes are the cells.
+        limits: a `Limits`, or the name of one. None: Curiosity's flight limits.
         bounds: (xmin, ymin, xmax, ymax) m: only cells whose centres lie within.
         mode: as `settle`.
-        layers: names of the layers to keep; None: all. A map's clearance, half its work, is looked at only if asked for.
-        band, cell, interpolation: of the raster, as `Terrain.from_raster`.
-        store: a folder to keep finished parts in, made if it is not there. The same call goes on where an earlier one was
-            stopped. Needed for maps of more than 1 GB, which stay in it.
-        workers: processes on this machine, by Dask. None: threads of this process, or a process a core for large maps.
+        layers: names of the layers to make; None: the usual ones. Clearance takes half of the time, and is computed only for its
+            layers or limit.
+        band: of the raster, as `Terrain.from_raster`.
+        cell: of the raster, as `Terrain.from_raster`.
+        interpolation: of the raster, as `Terrain.from_raster`.
+        store: folder for finished parts, created if missing. The same call continues a map that was stopped. Needed for maps
+            of more than 1 GB, which stay in it.
+        workers: number of processes on this machine, by Dask. None: threads of this process, or one process per core for
+            large maps.
         scheduler: address of an existing Dask cluster ("tcp://..."), whose workers see the same files.
-        chunk: cells a side of what a worker makes at once, a multiple of 128. It changes nothing but memory and time.
-        progress: called with (cells done, cells in all).
+        chunk: cells a side of the part that a worker makes at once, a multiple of 128. It affects memory and time only.
+        progress: called with (cells done, all cells).
 
     Returns:
-        Dataset over (heading, y, x), SI and radians, in memory or lazy; see docs/maps.md for its layers.
+        Dataset over (heading, y, x), SI and rad, in memory or lazy; see docs/maps.md for its layers.
 
     Raises:
-        RockerbogieError: a wrong argument; a store of another map; a disk that is full (a rerun goes on); zarr or dask
+        RockerbogieError: a wrong argument; a store of another map; a full disk (the same call then continues); zarr or dask
             missing.
     """
     expect(rover, Rover, "rover", LOAD_ROVER)
@@ -86,7 +91,7 @@ def traversability(
     if not (isinstance(chunk, (int, np.integer)) and chunk > 0 and chunk % TILE == 0):
         raise RockerbogieError(f"chunk is {chunk!r}: give a multiple of {TILE} cells")
     if workers is not None and not (isinstance(workers, (int, np.integer)) and workers >= 1):
-        raise RockerbogieError(f"workers is {workers!r}: give how many processes, 1 or more")
+        raise RockerbogieError(f"workers is {workers!r}: give the number of processes, 1 or more")
     ground = _ground(terrain, band, interpolation, cell)
     cells = cells_over(ground.whole, resolution, bounds)
     job = Job(rover, cells, angles, allowed, mode, names)
@@ -94,7 +99,7 @@ def traversability(
     size = sum(math.prod(job.shape(name, cells.all)) * np.dtype(LAYERS[name].kind).itemsize for name in names)
     if store is None and size > IN_MEMORY:
         raise RockerbogieError(
-            f"the map would be {size / 1e9:.3g} GB: give store='a folder' to make it in, or ask for fewer layers or headings, "
+            f"the map would be {size / 1e9:.3g} GB: give store='a folder' for it, or fewer layers or headings, "
             "a coarser resolution or smaller bounds"
         )
     dispersed = workers is not None or scheduler is not None or size > IN_MEMORY
@@ -118,7 +123,7 @@ def _in_store(
     job: Job, windows: TerrainWindows, place: Path, chunk: int, tell: Callable[[int], None], workers: int | None,
     scheduler: str | None, *, dispersed: bool, lazily: bool,
 ) -> dict[str, Any]:  # fmt: skip
-    """Make what is missing in a store, and give its layers."""
+    """Make the missing tiles of a store, and return its layers."""
     store = open_store(place, job, made_from(job, windows.ground))
     chunks = [[tile for tile in tiles if not store.is_done(tile)] for tiles in job.cells.chunks(chunk)]
     chunks = [tiles for tiles in chunks if tiles]
@@ -138,18 +143,18 @@ def _in_store(
     except OSError as error:
         raise RockerbogieError(
             f"cannot make the map in {str(place)!r}: {error.strerror or error}; "
-            "what is finished is kept, and the same call goes on from there"
+            "finished tiles are kept, and the same call continues from there"
         ) from None
 
 
 def _compile(job: Job, windows: TerrainWindows, tile: Tile) -> None:
-    """Settle once in this thread: kernels compile once, and an interrupt can stop that."""
+    """Settle once in this thread: kernels compile once, and an interrupt can stop it."""
     corner = Tile((tile.rows[0], tile.rows[0] + 1), (tile.cols[0], tile.cols[0] + 1))
     replace(job, headings=job.headings[:1]).settle(windows.terrain([corner]), corner, lambda name, region, values: None)
 
 
 class _Count:
-    """Adds up the cells done, and passes them on."""
+    """Sum of the cells done, passed to the progress callback."""
 
     def __init__(self, total: int, progress: Progress | None) -> None:
         self.done, self.total, self.progress = 0, total, progress
@@ -161,6 +166,7 @@ class _Count:
 
 
 def _ground(terrain: Terrain | str | Path, band: int, interpolation: Interpolation, cell: float | None) -> Ground:
+    """Return the terrain of a map from the argument; raise if it is of another type."""
     if isinstance(terrain, Terrain):
         return hold_ground(terrain)
     if not isinstance(terrain, (str, Path)):
@@ -171,7 +177,7 @@ def _ground(terrain: Terrain | str | Path, band: int, interpolation: Interpolati
 
 
 def _headings(headings: int | ArrayLike) -> NDArray[np.float64]:
-    """(n,) rad."""
+    """Return the headings (n,), rad."""
     try:
         given = np.asarray(headings)
         if given.ndim == 0 and given == int(given) and given >= 1:
@@ -180,11 +186,12 @@ def _headings(headings: int | ArrayLike) -> NDArray[np.float64]:
     except (TypeError, ValueError, OverflowError):
         angles = np.array(np.nan)
     if angles.ndim != 1 or not angles.size or not np.isfinite(angles).all():
-        raise RockerbogieError(f"headings is {headings!r:.60}: give how many, 1 or more, or a list of angles in rad")
+        raise RockerbogieError(f"headings is {headings!r:.60}: give their number, 1 or more, or a list of angles in rad")
     return angles
 
 
 def _limits(limits: Limits | str | None) -> Limits:
+    """Return the limits of the argument; raise if it is of another type."""
     if isinstance(limits, Limits):
         return limits
     if limits is not None and not isinstance(limits, str):
@@ -196,7 +203,7 @@ def _about(job: Job, ground: Ground) -> dict[str, Any]:
     """Return the attributes of a map."""
     dx, dy = job.cells.step
     about = {
-        "title": f"Where {job.rover.name} can go",
+        "title": f"Traversability for {job.rover.name}",
         "Conventions": "CF-1.11",
         "rover": job.rover.name,
         "terrain": ground.whole.name,

@@ -1,4 +1,4 @@
-"""The terrain under a map's cells, window by window."""
+"""Terrain under the cells of a map, window by window."""
 
 from __future__ import annotations
 
@@ -15,10 +15,17 @@ class TerrainWindows:
 
     ground: Ground  # in memory or in a file
     cells: Cells
-    margin: float  # how far the rover reaches from its reference point, m
+    margin: float  # reach of the rover from its reference point, m
 
     def spans(self, tiles: list[Tile]) -> tuple[Span, Span]:
-        """Return the rows and columns of the nodes that poses on these tiles may read."""
+        """Return the nodes that poses on some tiles may read.
+
+        Args:
+            tiles: the tiles.
+
+        Returns:
+            Rows and columns, each first and one past the last.
+        """
         whole = self.ground.whole
         x = self.cells.x((min(t.cols[0] for t in tiles), max(t.cols[1] for t in tiles)))
         y = self.cells.y((min(t.rows[0] for t in tiles), max(t.rows[1] for t in tiles)))
@@ -28,13 +35,34 @@ class TerrainWindows:
         )
 
     def terrain(self, tiles: list[Tile]) -> Terrain:
-        """Return the terrain for poses on these tiles."""
+        """Return the terrain for poses on some tiles.
+
+        Args:
+            tiles: the tiles.
+
+        Returns:
+            A window, or the whole terrain if it is in memory.
+        """
         return self.ground.window(*self.spans(tiles))
 
     def cost(self, tiles: list[Tile]) -> int:
-        """Return the number of nodes that their window takes memory for."""
+        """Return the number of nodes for which the window of some tiles takes memory.
+
+        Args:
+            tiles: the tiles.
+
+        Returns:
+            Number of nodes.
+        """
         return self.ground.cost(*self.spans(tiles))
 
     def sent(self, tiles: list[Tile]) -> TerrainWindows:
-        """Return as much of the terrain as another process needs for these tiles."""
+        """Return the part of the terrain that another process needs for some tiles.
+
+        Args:
+            tiles: the tiles.
+
+        Returns:
+            Windows over that part.
+        """
         return TerrainWindows(self.ground.sent(*self.spans(tiles)), self.cells, self.margin)
