@@ -7,7 +7,8 @@ import pytest
 from scipy.linalg import expm
 
 import rockerbogie as rb
-from rockerbogie.logs.odometry import SlopeSlip, _rotation_vector, _screw, flat_odometry, odometry
+from rockerbogie.logs.intervals import rotation_vector, screw
+from rockerbogie.logs.odometry import SlopeSlip, flat_odometry, odometry
 from support.helpers import assert_close, paper_rover
 
 
@@ -31,8 +32,8 @@ def test_a_screw_is_the_exponential_of_its_twist():
         phi, rho = rng.normal(size=(2, 3)) * [[size], [1.0]]
         W = np.array([[0, -phi[2], phi[1]], [phi[2], 0, -phi[0]], [-phi[1], phi[0], 0]])
         T = expm(np.block([[W, rho[:, None]], [np.zeros((1, 4))]]))
-        assert_close(_screw(phi[None], rho[None])[0], T[:3, 3], 1e-12, "m", "matrix exponential on SE(3)")
-        assert_close(_rotation_vector(T[None, :3, :3])[0], phi, 1e-12, "rad", "and its logarithm")
+        assert_close(screw(phi[None], rho[None])[0], T[:3, 3], 1e-12, "m", "matrix exponential on SE(3)")
+        assert_close(rotation_vector(T[None, :3, :3])[0], phi, 1e-12, "rad", "and its logarithm")
 
 
 def test_odometry_straight_over_waves():

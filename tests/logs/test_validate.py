@@ -171,7 +171,7 @@ def test_bad_mappings_are_refused(rover, ground, pose, tmp_path, capsys):
     for told, says in (
         (["--mapping", str(tmp_path / "map.toml")], "no key named 'colums'; did you mean 'columns'?"),
         (["--mapping", str(tmp_path / "none.toml")], "cannot be read"),
-        (["--column", "pitch"], "is no pair"),
+        (["--column", "pitch"], "is not a pair"),
         (["--level", "80"], "give the share a band holds, between 0 and 1"),
         (["--draws", "3"], "give 20 or more, or 0 for no band"),
     ):
@@ -181,7 +181,7 @@ def test_bad_mappings_are_refused(rover, ground, pose, tmp_path, capsys):
         assert said.count("\n") == 1
     strange = write(tmp_path / "strange.csv", {"east": [0.0], "north": [0.0]})
     assert main([*call[:-1], str(strange), "--frame", "ned"]) == 2
-    assert "belong to columns that are named" in capsys.readouterr().err
+    assert "need the meaning of the columns" in capsys.readouterr().err
     for log, says in (
         (xr.Dataset({"x": ("row", [0.0])}), "the log has no y"),
         (pose.to_xarray().assign(roll=("pose", np.full(len(X), np.nan))), "roll in the log is not finite in row 1"),

@@ -129,7 +129,7 @@ def test_command_line(tmp_path, capsys):
         (["nope.csv"], "no log at 'nope.csv'"),
         ([log, "--rover", "curiosity", "--start", "1"], "--start '1': give 2 or 3 finite numbers"),
         ([log, "--rover", "curiosity", "--soil", "a,b"], "--soil 'a,b': give 2 finite numbers"),
-        ([log, "--rover", "curiosity", "--name", "a"], "--name 'a' is no pair"),
+        ([log, "--rover", "curiosity", "--name", "a"], "--name 'a' is not a pair"),
     ):
         assert main(["odometry", *wrong]) == 2
         assert words in capsys.readouterr().err

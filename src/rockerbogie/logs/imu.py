@@ -101,7 +101,7 @@ def fit_imu(imus: list[Imu], time: Array, check: WheelCheck, report: LogReport) 
     """Choose an IMU and return its readings at the times of the log.
 
     Readings that contradict the wheels grossly (no turning where the wheels turn, the opposite sense, an impossible tilt) are
-    set aside with a warning, if wheels and steering agree with each other. Gaps of the attitude are filled by the
+    not used, with a warning, if wheels and steering agree with each other. Gaps of the attitude are filled by the
     wheels' own turning.
 
     Args:
@@ -154,7 +154,7 @@ def _fit(imu: Imu, time: Array, check: WheelCheck) -> _Fitted:
             own = getattr(imu, name)[0]
             found.faults.append(
                 f"the {name} covers {100 * cover:.0f} % of the log ({own[0] - time[0]:.6g} to {own[-1] - time[0]:.6g} s after "
-                "its begin) and is set aside"
+                "its start) and is not used"
             )
             setattr(found, name, None)
             continue
@@ -165,7 +165,7 @@ def _fit(imu: Imu, time: Array, check: WheelCheck) -> _Fitted:
             found.faults.append(f"{name} and wheels disagree: {fault}")
             continue
         hint = suggest_mounting(time, check.yaw, values if name == "attitude" else None, values if name == "gyro" else None)
-        found.faults.append(f"the {name} contradicts the wheels and is set aside: {fault}{hint}")
+        found.faults.append(f"the {name} contradicts the wheels and is not used: {fault}{hint}")
         setattr(found, name, None)
     return found
 

@@ -48,7 +48,7 @@ def read_log(
     `rocker_left_joint`, `bogie_left_joint`), which may be spread over several topics, Imu, and Odometry (position only).
 
     Rows are sorted by time; duplicate stamps, missing values, wrapped angles, counters that roll over and single wild
-    values are repaired. Sensors are compared with each other: an attitude that contradicts the wheels is set aside.
+    values are repaired. Sensors are compared with each other: an attitude that contradicts the wheels is not used.
     `attrs["read"]`, `["notes"]` and `["warnings"]` of the Dataset list sources, repairs and doubts, one per line; the
     warnings are also issued as `LogWarning`.
 
@@ -141,10 +141,10 @@ def _assemble(
     for k in gaps_of(time):
         text = f"{source.file}: no rows from {time[k] - time[0]:.1f} to {time[k + 1] - time[0]:.1f} s"
         if "wheel_angle" in data:
-            report.note(f"{text}; the counters give the way there, as one arc")
+            report.note(f"{text}; the counters give the distance there, as one arc")
         else:
             share = float(np.abs(data["wheel_rate"][[k, k + 1]] * rover.wheel_radius).mean() * (time[k + 1] - time[k]))
-            report.warn(f"{text}: wheel rates are interpolated there, over {share:.2g} m of the way")
+            report.warn(f"{text}: wheel rates are interpolated there, over {share:.2g} m of the path")
     variables = {}
     labels = labels_of(rover)
     for name, (dims, unit) in LOG_VARIABLES.items():

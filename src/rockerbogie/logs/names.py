@@ -60,7 +60,7 @@ def match_columns(
         report: gets a note for topics that are left out.
 
     Returns:
-        Our column -> where the log has it.
+        Our column -> its topic and column in the log.
 
     Raises:
         RockerbogieError: a name that the log does not have, that is none of ours, or that is given twice; two topics or
@@ -94,7 +94,7 @@ def _named(
         sign, target = (-1.0, given[1:].strip()) if given.startswith("-") else (1.0, given)
         is_joint = target not in ours and target.lower() in joints
         if target not in ours and target != "time" and not is_joint:
-            raise RockerbogieError(f"names: {theirs!r} is said to be {unknown_name('column', target, (*ours, 'time'))}")
+            raise RockerbogieError(f"names: {theirs!r} is given as {unknown_name('column', target, (*ours, 'time'))}")
         places = [(topic, c) for topic, columns in available.items() for c in (theirs, f"{theirs}_joint") if c in columns]
         places = _best_topics(places)
         if not places:
@@ -116,7 +116,7 @@ def _named(
             wanted = [(pair[1] or pair[0], column)]
         for role, source in wanted:
             if role in found:
-                raise RockerbogieError(f"names: both {found[role].column!r} and {source!r} are said to be {role}")
+                raise RockerbogieError(f"names: both {found[role].column!r} and {source!r} are given as {role}")
             found[role] = Match(topic, source, sign)
             used.add((topic, source))
     return found, used

@@ -159,13 +159,13 @@ def check_heading(time: Array, wheels: Array, measured: Array) -> str | None:
     a, b = a[both], b[both]
     if not len(a):
         return None
-    # sums over ten blocks: what remains of noise is small against what turns one way
+    # sums over ten blocks, in which noise is small against a turn in one direction
     coarse = [float(np.abs(np.add.reduceat(v, np.arange(0, len(v), 10))).sum()) for v in (a, b)]
     if max(coarse) < LEAST_TURN:
         return None
-    told = f"the wheels turn by {np.degrees(a.sum()):+.0f}° and it by {np.degrees(b.sum()):+.0f}°"
+    text = f"the wheels turn by {np.degrees(a.sum()):+.0f}° and this sensor by {np.degrees(b.sum()):+.0f}°"
     if coarse[0] < LEAST_TURN / 2:
-        return told if coarse[1] > 2 * LEAST_TURN else None
+        return text if coarse[1] > 2 * LEAST_TURN else None
     gain = float((a * b).sum() / (a * a).sum())
     if PLAUSIBLE[0] < gain < PLAUSIBLE[1]:
         return None
@@ -174,7 +174,7 @@ def check_heading(time: Array, wheels: Array, measured: Array) -> str | None:
         hint = ", the other way (clockwise?)"
     elif 40 < abs(gain) < 80:
         hint = ", 57.3 times as much (degrees?)"
-    return told + hint
+    return text + hint
 
 
 def check_tilt(roll: Array, pitch: Array) -> str | None:

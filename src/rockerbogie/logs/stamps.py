@@ -9,7 +9,7 @@ from ..arrays import Array
 from ..errors import RockerbogieError
 from .channels import LogReport
 
-#: A row that is further than this from its place was not swapped: the clock was set.
+#: Greatest distance of swapped rows from their position, rows; beyond it the clock was set.
 MOST_SWAPPED = 5
 #: A gap is this many times the median step, and at least this long, s.
 GAP_STEPS, GAP_TIME = 10.0, 0.5

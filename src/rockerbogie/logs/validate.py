@@ -72,7 +72,7 @@ def validate(
         Dataset over `row` and `channel` (pitch, roll), rad: `predicted`, `logged`, `error`; over `channel`: `rms`, `bias`,
         `median_absolute_error`, `correlation`, `spread` (standard deviation of the logged). With a band also: `low`, `high`,
         `inside`, `factor` (row); `coverage`, `coverage_unfitted` (with the factor 1) over `channel`; `explained` (source,
-        channel), the standard deviation that each source alone makes. `stand` (row) numbers the places: rows that hardly
+        channel), the standard deviation from each source alone. `stand` (row) numbers the places: rows that hardly
         move are one, and band and coverage count each once. `status` (row) gives the reason for NaN predictions.
 
     Raises:
@@ -89,7 +89,7 @@ def validate(
     if not np.isfinite(predicted).any():
         xmin, ymin, xmax, ymax = terrain.bounds
         raise RockerbogieError(
-            f"the rover settles at none of the log's {len(x)} rows ({Status(int(pose.status[0])).name} at the first): the log "
+            f"the rover settles in none of the log's {len(x)} rows ({Status(int(pose.status[0])).name} at the first): the log "
             f"spans ({x.min():.10g}, {y.min():.10g}) to ({x.max():.10g}, {y.max():.10g}) m, the map ({xmin:.10g}, {ymin:.10g}) "
             f"to ({xmax:.10g}, {ymax:.10g}); check which columns are x and y, and their origin"
         )
@@ -195,8 +195,8 @@ def _compared(places: xr.Dataset, predicted: Array, logged: Array, status: NDArr
         "status": ("row", status, {"units": "1", "long_name": "status code, see rockerbogie.Status"}),
     }
     found = places[["place", "x", "y", "yaw"]].assign_coords(channel=list(CHANNELS)).assign(data)
-    told = {name: places.attrs[name] for name in ("log", "mapping", "place_is", "left_out", "notes") if name in places.attrs}
-    found.attrs = {**told, "rows": len(error), "settled": int(known.sum())}
+    kept = {name: places.attrs[name] for name in ("log", "mapping", "place_is", "left_out", "notes") if name in places.attrs}
+    found.attrs = {**kept, "rows": len(error), "settled": int(known.sum())}
     return found
 
 

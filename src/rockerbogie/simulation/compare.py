@@ -43,7 +43,7 @@ class Channel:
     unit: str
     rms: float
     worst: float
-    worst_at: float  # m along the way
+    worst_at: float  # m along the path
     count: int
 
 
@@ -118,8 +118,8 @@ def settle_along(rover: Rover, terrain: Terrain, run: xr.Dataset) -> xr.Dataset:
 def compare(run: xr.Dataset, sim: xr.Dataset) -> Comparison:
     """Compare height, attitude, joint and contact angles of two runs, record by record.
 
-    They are compared at equal x, y and yaw. A simulated rover moves aside and slides off its path, and the terrain is another
-    some centimetres further on. If the two are at different positions, the rover of `run` is settled at those of `sim`
+    They are compared at equal x, y and yaw, as a simulated rover slides off its path and the terrain differs over a few
+    centimetres. If the two are at different positions, the rover of `run` is settled at those of `sim`
     (`settle_along`). Records in which other wheels are off the ground or other joints at their limits are left out and counted.
 
     Args:

@@ -192,7 +192,7 @@ def add_mechanism(spec: Any, rover: Rover, base: Any, *, friction: float, wheel_
 
 
 def _contact(friction: float) -> dict[str, Any]:
-    """Return geom attributes of rover parts that touch the terrain but not each other.
+    """Return geom attributes of rover parts that collide with the terrain only.
 
     Args:
         friction: coefficient of sliding friction.

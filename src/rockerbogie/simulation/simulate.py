@@ -264,7 +264,9 @@ def _settled_start(rover: Rover, terrain: Terrain, path: Path) -> Pose:
 
 
 def _check_terrain(rover: Rover, terrain: Terrain, path: Path) -> None:
-    """Check that the front and rear ends of all wheels, at joint angles 0, lie on terrain with data along the path.
+    """Check that all wheels lie on terrain with data along the path.
+
+    The front and rear ends of the wheels are checked, at joint angles 0.
 
     Args:
         rover, terrain, path: as for `simulate`.
@@ -287,7 +289,9 @@ def _check_terrain(rover: Rover, terrain: Terrain, path: Path) -> None:
 
 
 def _surroundings(rover: Rover, terrain: Terrain, path: Path, travel: float) -> Region:
-    """Return the part of the map that the rover may reach: twice its own size around the path, and `travel` more.
+    """Return the part of the map that the rover may reach.
+
+    It extends twice the rover's size, plus `travel`, around the path.
 
     Args:
         rover, terrain, path: as for `simulate`.
