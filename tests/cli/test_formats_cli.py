@@ -139,7 +139,7 @@ def test_exports_ros2_control(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert joints["wheel_LM_joint"] == ["velocity"]
     assert joints["rocker_right_joint"] == []
     assert len(joints) == 4 + 4 + 6
-    assert "belongs to a URDF" in refused(capsys, "export", "curiosity", "-o", str(tmp_path / "x.sdf"), "--ros2-control")
+    assert "applies to a URDF" in refused(capsys, "export", "curiosity", "-o", str(tmp_path / "x.sdf"), "--ros2-control")
 
 
 def test_exports_a_world(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -164,7 +164,7 @@ def test_exports_a_world(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     sides = corners[faces]
     assert (np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])[:, 2] > 0).all(), "seen from above"
     assert main(["export", "sawppy", "--to", "world", "-o", str(tmp_path / "w"), "-t", "surface:paper"]) == 0
-    assert "needs ground" in refused(capsys, "export", "sawppy", "--to", "world", "-o", str(tmp_path / "w"))
+    assert "needs terrain" in refused(capsys, "export", "sawppy", "--to", "world", "-o", str(tmp_path / "w"))
 
 
 @pytest.mark.parametrize("at", ["4,2", "-3,5"])
@@ -187,7 +187,7 @@ def test_a_world_starts_outside_the_rocks(at: str, tmp_path: Path, capsys: pytes
 
 def test_bad_calls(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "did you mean 'curiosity'?" in refused(capsys, "rovers", "curiousity")
-    assert "does not say which format" in refused(capsys, "export", "osr", "-o", str(tmp_path / "x.zip"))
+    assert "has no ending of a format" in refused(capsys, "export", "osr", "-o", str(tmp_path / "x.zip"))
     (tmp_path / "none").write_text("")
     assert "cannot write" in refused(capsys, "export", "osr", "-o", str(tmp_path / "none" / "x.urdf"))
     assert "should end in .png" in refused(capsys, "rovers", "osr", "-o", "x.bmp")

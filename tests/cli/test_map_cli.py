@@ -126,7 +126,7 @@ def test_limits_by_file_and_by_option(dem: Path, tmp_path: Path, capsys: pytest.
     assert "tilt_deg is '12'; give a number" in complaint(capsys, *some, "-o", tmp_path / "map.nc", "--limits", kept)
     kept.write_text("tilt_deg: 12\n")
     assert "is not TOML" in complaint(capsys, *some, "-o", tmp_path / "map.nc", "--limits", kept)
-    assert "no limits at" in complaint(capsys, *some, "-o", tmp_path / "map.nc", "--limits", tmp_path / "none.toml")
+    assert "no file of limits at" in complaint(capsys, *some, "-o", tmp_path / "map.nc", "--limits", tmp_path / "none.toml")
 
 
 def test_an_interrupted_map_continues_to_the_same_bytes(
@@ -149,8 +149,8 @@ def test_an_interrupted_map_continues_to_the_same_bytes(
     monkeypatch.setattr("rockerbogie.cli.map.traversability", interrupted)
     assert main([*argv, str(stopped)]) == 130
     said = capsys.readouterr().err
-    assert "what is finished is in" in said
-    assert "goes on from there" in said
+    assert "finished parts are in" in said
+    assert "continues from there" in said
     assert not stopped.exists()
     monkeypatch.setattr("rockerbogie.cli.map.traversability", real)
     other = argv.copy()
@@ -158,7 +158,7 @@ def test_an_interrupted_map_continues_to_the_same_bytes(
     assert "another rover" in complaint(capsys, *other, stopped)
     assert main([*argv, str(stopped)]) == 0
     said = capsys.readouterr().err
-    assert "going on with" in said
+    assert "continuing with" in said
     assert stopped.read_bytes() == whole.read_bytes()
     assert not (tmp_path / "stopped.tif.parts").exists()
 
@@ -173,7 +173,7 @@ def test_a_map_that_cannot_be_written_is_not_computed_again(
     with monkeypatch.context() as patched:
         patched.setattr("rockerbogie.maps.files._copy_piece", full)
         said = complaint(capsys, *argv)
-    assert "No space left on device; what is made is kept in" in said
+    assert "No space left on device; finished parts are kept in" in said
     assert main([str(a) for a in argv]) == 0
     assert "100 % is done" in capsys.readouterr().err
     assert [p.name for p in (tmp_path / "made").iterdir() if p.suffix == ".tif"] == ["map.tif"]
@@ -181,7 +181,7 @@ def test_a_map_that_cannot_be_written_is_not_computed_again(
 
 BAD_MAPS = {
     "no output": (["surface:mars"], "--output"),
-    "unknown ending": (["surface:mars", "-o", "map.shp"], "names no kind of map: end it in .tif"),
+    "unknown ending": (["surface:mars", "-o", "map.shp"], "is not the name of a map: end it in .tif"),
     "no such file": (["nowhere.tif", "-o", "map.tif"], "no file"),
     "surface without its prefix": (["mars", "-o", "map.tif"], "surface:mars"),
     "no such rover": (["surface:mars", "-o", "map.tif", "-r", "curiousity"], "did you mean 'curiosity'"),
@@ -241,9 +241,9 @@ def test_a_bad_plan_is_refused_in_one_sentence(
     here = [str(float(whole["x"][free[1]])), str(float(whole["y"][free[0]]))]
     for argv, hint in (
         (["none.zarr", "--start", "0", "0", "--goal", "1", "1"], "no map at"),
-        (["route.csv", "--start", "0", "0", "--goal", "1", "1"], "names no kind of map"),
+        (["route.csv", "--start", "0", "0", "--goal", "1", "1"], "is not the name of a map"),
         ([maps, "--start", "0", "0", "--goal", *here], "the start (0, 0) m is off the map"),
-        ([maps, "--start", *here, "--goal", "400010.15", "5000000.5"], "may not stand at the goal"),
+        ([maps, "--start", *here, "--goal", "400010.15", "5000000.5"], "m is not passable at any heading"),
         ([maps, "--start", *here], "--goal"),
         ([maps, "--start", *here, "--goal", *here, "-o", "route.shp"], "end it in .gpkg, .csv or .geojson"),
         ([maps, "--start", *here, "--goal", *here, "--tilt-weight", "-1"], "tilt_weight is -1"),

@@ -1,14 +1,14 @@
-"""The command line: `rockerbogie COMMAND …`.
+"""Command line: `rockerbogie COMMAND …`.
 
-To add a command, write a module here (`cli/thing.py`) holding one typed function whose docstring is its help, and give
-it a line in `COMMANDS`: name → (module:function, one line for the list of commands). The module is imported only when
-its command runs, so it may import what it likes at its top, and `rockerbogie --help` stays quick. A module with
-sub-commands gives a `cyclopts.App(name="thing")` in place of the function. Rules for all of them:
+To add a command, write a module here (`cli/thing.py`) with one typed function whose docstring is its help, and add a line
+to `COMMANDS`: name → (module:function, one line for the list of commands). The module is imported only when its command
+runs, so that `rockerbogie --help` stays fast. A module with sub-commands has a `cyclopts.App(name="thing")` instead of the
+function. Rules for all commands:
 
-- SI and radians stop here: options and printed text are in degrees, and say so.
+- Options and printed text are in degrees, and say so; inside, everything is SI and rad.
 - Bad input raises a `RockerbogieError` whose message is one clear sentence; `main` prints it and exits 2.
-- Long work shows `cli.common.progress(...)`: on stderr, and only where someone is watching.
-- Results a machine may want have `--json`; print them with `cli.common.print_json`.
+- Long work shows `cli.common.progress(...)` on stderr, if stderr is a terminal.
+- Results that other programs read have `--json`; print them with `cli.common.print_json`.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from typing import Any
 
 COMMANDS: dict[str, tuple[str, str]] = {
     "reproduce": ("rockerbogie.cli.reproduce:reproduce", "Reproduce section III of the paper: figures, data, animation, report."),
-    "settle": ("rockerbogie.cli.settle:settle", "Let a rover settle at one place, and show how it sits there."),
-    "drive": ("rockerbogie.cli.drive:drive", "Drive a rover along a path, and show what it goes through."),
-    "simulate": ("rockerbogie.cli.drive:simulate", "The same drive in MuJoCo's rigid-body dynamics, compared with ours."),
-    "map": ("rockerbogie.cli.map:map_", "Where a rover can go on a whole terrain: GeoTIFF for QGIS, Zarr or NetCDF."),
-    "plan": ("rockerbogie.cli.plan:plan", "The least-cost way over such a map, as the rover can turn."),
-    "odometry": ("rockerbogie.cli.odometry:odometry", "Where a log of joint sensors says the rover went."),
-    "validate": ("rockerbogie.cli.validate:validate", "Predicted against logged attitude, with a band for what is not known."),
-    "bench": ("rockerbogie.cli.bench:bench", "How fast settling is, as ratios to the paper's own way in the same run."),
-    "compile": ("rockerbogie.cli.compile:compile_", "Compile all kernels for this machine, in advance."),
-    "rovers": ("rockerbogie.cli.rovers:app", "The rovers there are; one with its dimensions; a new one; one from a robot file."),
-    "export": ("rockerbogie.cli.export:export", "A rover as URDF, SDF, MJCF or TOML, or on ground as a Gazebo world."),
+    "settle": ("rockerbogie.cli.settle:settle", "Compute the pose of a rover at one position, and show it."),
+    "drive": ("rockerbogie.cli.drive:drive", "Drive a rover along a path quasi-statically."),
+    "simulate": ("rockerbogie.cli.drive:simulate", "Simulate the same drive in MuJoCo's rigid-body dynamics, and compare."),
+    "map": ("rockerbogie.cli.map:map_", "Map where a rover can drive on a whole terrain: GeoTIFF for QGIS, Zarr or NetCDF."),
+    "plan": ("rockerbogie.cli.plan:plan", "Compute the least-cost route over such a map."),
+    "odometry": ("rockerbogie.cli.odometry:odometry", "Compute 3-D odometry from a log of joint sensors."),
+    "validate": ("rockerbogie.cli.validate:validate", "Compare predicted with logged attitude, with an uncertainty band."),
+    "bench": ("rockerbogie.cli.bench:bench", "Time settling, as ratios to the paper's method and MuJoCo in the same run."),
+    "compile": ("rockerbogie.cli.compile:compile_", "Compile all kernels for this machine in advance."),
+    "rovers": ("rockerbogie.cli.rovers:app", "List rovers, show one, start a rover file, or import a robot file."),
+    "export": ("rockerbogie.cli.export:export", "Export a rover as URDF, SDF, MJCF or TOML, or with terrain as a Gazebo world."),
 }
 
 EXIT_BAD_INPUT = 2
@@ -53,10 +53,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("\ninterrupted", file=sys.stderr)
         return EXIT_INTERRUPTED
-    except BrokenPipeError:  # the reader of our output has left: nothing more to say to it, nor as Python ends
+    except BrokenPipeError:  # the reader has closed the pipe: write no more, also when Python ends
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except SystemExit as end:  # rich's answer to the same, where it was printing
+    except SystemExit as end:  # rich raises this when the pipe is closed while it prints
         if not isinstance(end.__context__, BrokenPipeError):
             raise
         return 0
@@ -64,13 +64,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(argv: list[str]) -> int:
+    """Run one command; return its exit code."""
     import cyclopts
 
     from ..errors import RockerbogieError
 
     app = cyclopts.App(
         name="rockerbogie",
-        help="How a rocker-bogie rover sits, tilts and drives on a piece of ground.",
+        help="Kinematics of six-wheeled rocker-bogie rovers on terrain: poses, drives, maps, odometry.",
         version=_version,
         version_flags=["--version"],
         help_format="markdown",
@@ -94,15 +95,18 @@ def _run(argv: list[str]) -> int:
 
 
 def _complain(sentence: str) -> int:
+    """Print one sentence on stderr, and return the exit code for bad input."""
     print(f"rockerbogie: {' '.join(sentence.split())}", file=sys.stderr)
     return EXIT_BAD_INPUT
 
 
 def _note(message: Warning | str, *_: Any, **__: Any) -> None:
+    """Print a warning on stderr."""
     print(f"rockerbogie: note: {message}", file=sys.stderr)
 
 
 def _version() -> str:
+    """Return the version of the installed package."""
     from importlib.metadata import version
 
     return version("rockerbogie")

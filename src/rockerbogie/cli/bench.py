@@ -1,4 +1,4 @@
-"""`rockerbogie bench`: the stopwatch, as ratios to baselines timed in the same run."""
+"""Command `rockerbogie bench`: times, as ratios to baselines timed in the same run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ..outputs import SOURCE
 from .common import Force, Json, guard_outputs, make_folder, print_json, progress
 from .rasters import Raster, load_terrain
 
-#: Between these lines of a page go the tables.
+#: Lines of a page between which the tables are written.
 MARK, END = "<!-- bench -->", "<!-- end of bench -->"
 
 
@@ -39,17 +39,17 @@ def bench(
     Parameters
     ----------
     poses
-        How many places each case settles.
+        Number of poses per case.
     baseline_poses
-        How many of them the paper's way is given.
+        Number of them that the paper's method (fsolve) settles.
     drops
-        How many of them MuJoCo lets the rover down at.
+        Number of them that MuJoCo settles.
     terrain
-        A raster file: one more case, Curiosity's whole treads on its linear ground.
+        A raster file: one more case, Curiosity's whole treads on it with linear interpolation.
     save
         Write the figures to this JSON file.
     compare
-        A file saved by another version: its times beside these, in units of that run's own fsolve.
+        A file saved by another version: adds a column with its ratios to fsolve.
     json
         Print the figures as JSON instead of tables.
     markdown
@@ -93,7 +93,7 @@ def bench(
 
 
 def _saved(path: Path) -> dict[str, float]:
-    """× rim of each case in a saved run."""
+    """Return case → ratio to fsolve with a fine rim, of a saved run."""
     try:
         saved = json_text.loads(path.read_text())
         ratios, found = {case["name"]: float(case["ratios"]["rim"]) for case in saved["cases"]}, int(saved["schema"])
@@ -101,23 +101,24 @@ def _saved(path: Path) -> dict[str, float]:
         raise RockerbogieError(f"no file {path}: save one with `rockerbogie bench --save {path}`") from None
     except (ValueError, KeyError, TypeError):
         raise RockerbogieError(f"{path} was not written by `rockerbogie bench --save`") from None
-    if found != stopwatch.SCHEMA:  # its words mean something else
-        raise RockerbogieError(f"{path} has schema {found}, this version compares schema {stopwatch.SCHEMA} only: save it anew")
+    if found != stopwatch.SCHEMA:  # its names have another meaning
+        raise RockerbogieError(f"{path} has schema {found}, this version compares schema {stopwatch.SCHEMA} only: save it again")
     return ratios
 
 
 def _page(path: Path) -> tuple[str, str]:
-    """A page's text down to its mark, and from the end mark on."""
+    """Return a page's text up to MARK and from END on."""
     try:
         head, _, rest = path.read_text().partition(MARK)
     except FileNotFoundError:
-        raise RockerbogieError(f"no page {path} to write tables into") from None
+        raise RockerbogieError(f"no page {path}: give an existing Markdown page to --markdown") from None
     if END not in rest:
-        raise RockerbogieError(f"{path} has no lines {MARK} and {END} to write tables between")
+        raise RockerbogieError(f"{path} has no lines {MARK} and {END}: add them where the tables belong")
     return head + MARK, END + rest.partition(END)[2]
 
 
 def _machine(machine: dict[str, Any]) -> str:
+    """Return a sentence with machine and versions."""
     return (
         f"rockerbogie {machine['version']} on {machine['machine']} with {machine['cores']} cores; Python {machine['python']}, "
         f"numba {machine['numba']}, numpy {machine['numpy']}."

@@ -55,14 +55,14 @@ def parse_point(text: str, option: str) -> tuple[float, float]:
     try:
         x, y = (float(part) for part in text.split(","))
     except ValueError:
-        raise RockerbogieError(f"{option} {text!r} is not a place: give x,y in metres, as in 1.5,-2") from None
+        raise RockerbogieError(f"{option} {text!r} is not a position: give x,y in metres, as in 1.5,-2") from None
     if not (math.isfinite(x) and math.isfinite(y)):
         raise RockerbogieError(f"{option} {text!r} is not finite: give x,y in metres, as in 1.5,-2")
     return x, y
 
 
 def middle(terrain: Terrain) -> tuple[float, float]:
-    """Return the middle of the map, m.
+    """Return the centre of the map.
 
     Args:
         terrain: the terrain.
@@ -146,7 +146,7 @@ def _files_of(name: str) -> list[Path]:
             files += [path.parent / found for found in _INCLUDED.findall(text) if (path.parent / found).exists()]
         return files
     if path.is_file() or ":" in name or name.startswith("/vsi"):
-        with suppress(Exception):  # no rasterio, or no raster: the command itself reports what it cannot read
+        with suppress(Exception):  # no rasterio, or not a raster: the command itself reports the error
             import rasterio
 
             with warnings.catch_warnings():
@@ -189,7 +189,7 @@ def progress() -> Iterator[Progress]:
 
 
 def print_json(value: Any) -> None:
-    """Print JSON on stdout; nan becomes null, for JSON has no nan.
+    """Print JSON on stdout. NaN and infinity become null, as JSON has neither.
 
     Args:
         value: numbers, text, arrays, paths, lists and dicts of them.
@@ -198,6 +198,7 @@ def print_json(value: Any) -> None:
 
 
 def _plain(value: Any) -> Any:
+    """Return a value as types that JSON has."""
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     if hasattr(value, "tolist"):

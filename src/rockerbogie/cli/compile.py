@@ -1,4 +1,4 @@
-"""`rockerbogie compile`: all kernels compiled in advance."""
+"""Command `rockerbogie compile`: all kernels compiled in advance."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from .common import Json, print_json, progress
 def compile_(*, json: Json = False) -> None:
     """Compile all kernels for this machine and store them, so that no later command has to.
 
-    They are stored inside the package, in NUMBA_CACHE_DIR if that is set, or else in your cache folder. Kernels that
-    are stored already are not compiled again.
+    They are stored inside the package, in NUMBA_CACHE_DIR if that is set, or in your cache folder. Kernels that are stored
+    already are not compiled again.
 
     Parameters
     ----------

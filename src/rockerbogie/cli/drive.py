@@ -249,7 +249,7 @@ def _tracking(motors: dict[str, float]) -> str:
         One line.
     """
     error = motors["wheel_rate_error_share"]
-    text = "no rate error known (shorter than 2 s)" if np.isnan(error) else f"worst rate error {100 * error:.2g} % over 1 s"
+    text = "no rate error (run shorter than 2 s)" if np.isnan(error) else f"worst rate error {100 * error:.2g} % over 1 s"
     limit, limited = motors["torque_limit"], 100 * motors["torque_limited"]
     return f"hub motors: {text}; at the torque limit of {limit:.3g} N·m in {limited:.2g} % of the records"
 
@@ -279,7 +279,7 @@ def _why_short(sim: xr.Dataset) -> str:
             f"its wheels held their rates but slipped (mean slip ratio {slip:.2f} in the second half) on friction "
             f"{sim.attrs['friction']:g}; try more friction or another path"
         )
-    return "its wheels held their rates and did not slip much; see map.png of -o for where it went"
+    return "its wheels held their rates and did not slip much; see its track in map.png of -o"
 
 
 def _path(text: str | None, radius: float, rover: Rover, terrain: Terrain) -> Path:

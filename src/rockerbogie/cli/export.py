@@ -1,4 +1,4 @@
-"""Command `export`: a rover as URDF, SDF, MJCF or TOML, or a Gazebo world with the rover."""
+"""Command `rockerbogie export`: a rover as URDF, SDF, MJCF or TOML, or a Gazebo world."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def export(
     raster: Raster = None,
     force: Force = False,
 ) -> None:
-    """Write a rover for another program, its differential tied in that format's own way.
+    """Export a rover to another program's format, with its differential.
 
     Parameters
     ----------
@@ -43,29 +43,29 @@ def export(
     output
         The file to write (.urdf, .sdf, .xml for MJCF, .toml); for a world, the folder.
     to
-        The format, where the file's ending does not say it.
+        The format, if the file's ending does not give it.
     ros2_control
         Add a ros2_control block to a URDF.
     terrain
-        Ground for a world or an MJCF: a raster file, or surface:NAME.
+        Terrain of a world or an MJCF: a raster file, or surface:NAME.
     at
-        Where the rover stands in the world, x,y in metres. Default: the middle of the map.
+        Position of the rover in the world, x,y in metres. Default: the middle of the map.
     yaw
-        Its heading there, degrees.
+        Yaw of the rover there, degrees.
     force
         Replace existing output files, which may have been edited. Inputs are never replaced.
     """
     chosen = to or next((name for name, ending in ENDINGS.items() if output.suffix.lower() == ending), None)
     if chosen is None:
         raise RockerbogieError(
-            f"{str(output)!r} does not say which format: end it in {', '.join(ENDINGS.values())}, or give --to"
+            f"{str(output)!r} has no ending of a format: end it in {', '.join(ENDINGS.values())}, or give --to"
         )
     if ros2_control and chosen != "urdf":
-        raise RockerbogieError(f"--ros2-control belongs to a URDF, not to {chosen}")
+        raise RockerbogieError(f"--ros2-control applies to a URDF, not to {chosen}")
     if terrain is None and chosen == "world":
-        raise RockerbogieError("a world needs ground: give --terrain a raster file or surface:NAME")
+        raise RockerbogieError("a world needs terrain: give --terrain a raster file or surface:NAME")
     if terrain is not None and chosen not in ("world", "mjcf"):
-        raise RockerbogieError(f"--terrain belongs to a world or an MJCF, not to {chosen}")
+        raise RockerbogieError(f"--terrain applies to a world or an MJCF, not to {chosen}")
     guard_outputs(in_folder(output, *WORLD_FILES) if chosen == "world" else [output], rover, terrain, force=force)
     machine = load_rover(rover)
     ground = None if terrain is None else load_terrain(terrain, None, raster)
@@ -75,7 +75,7 @@ def export(
         x, y = middle(ground) if at is None else parse_point(at, "--at")
         pose = settle(machine, ground, x, y, np.radians(yaw))
         if not np.isfinite(pose.z):
-            raise RockerbogieError(f"the rover finds no rest at ({x:g}, {y:g}) m: give another place with --at")
+            raise RockerbogieError(f"the rover has no pose at ({x:g}, {y:g}) m: give another position with --at")
         straight = replace(pose, q=pose.q * (1, 1, 1, 0, 0, 0))  # a world starts with the joints at 0
         depth = min(0.0, float(np.nanmin([*straight.gap, straight.clearance])))
         start = (x, y, float(pose.z) - depth + DROP, float(pose.roll), float(pose.pitch), float(pose.yaw))

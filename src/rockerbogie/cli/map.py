@@ -1,4 +1,4 @@
-"""Command `map`: where on a whole terrain a rover can go."""
+"""Command `rockerbogie map`: poses over a whole terrain, compared with limits."""
 
 from __future__ import annotations
 
@@ -65,11 +65,11 @@ def map_(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Map where a rover can go: settle it at every cell and heading, and compare with limits.
+    """Map where a rover can drive: settle it at every cell and heading, and compare with limits.
 
-    Writes, by the ending of -o: a cloud-optimised GeoTIFF (.tif; angles in degrees) with a style for QGIS beside it (.qml),
-    or Zarr (.zarr) or NetCDF (.nc) with every heading's layers (SI, radians); and a picture (.png). What is finished of a
-    long run is kept in OUTPUT.parts: stopped at any point, the same command goes on from there.
+    The ending of -o gives the format: a cloud-optimised GeoTIFF (.tif; angles in degrees) with a style for QGIS beside it
+    (.qml), or Zarr (.zarr) or NetCDF (.nc) with every heading's layers (SI, radians). A picture (.png) is written too. Finished
+    parts of a long run are kept in OUTPUT.parts: after an interruption, the same command continues from there.
 
     Parameters
     ----------
@@ -80,47 +80,48 @@ def map_(
     rover
         A preset's name, or a rover file.
     headings
-        How many, evenly all round from +x (east).
+        Number of headings, evenly spaced from +x (east).
     resolution
         Side of a cell, m. Default: the terrain's own.
     limits
-        What a pose may have at most: curiosity (its flight limits), none, or a TOML file with tilt_deg, pitch_deg,
-        roll_deg, rocker_deg, bogie_deg, clearance_m. The options below override single ones.
+        Limits of a pose: curiosity (its flight limits), none, or a TOML file with tilt_deg, pitch_deg, roll_deg, rocker_deg,
+        bogie_deg, clearance_m. The options below override single limits.
     tilt
-        Greatest angle between the body's up and the vertical, degrees.
+        Greatest angle between the body's z axis and the vertical, degrees.
     pitch
-        Greatest pitch either way, degrees.
+        Greatest pitch, nose up or down, degrees.
     roll
-        Greatest roll either way, degrees.
+        Greatest roll, left or right, degrees.
     rocker
-        Greatest rocker angle either way, degrees.
+        Greatest rocker angle, up or down, degrees.
     bogie
-        Greatest bogie angle either way, degrees.
+        Greatest bogie angle, up or down, degrees.
     clearance
-        The body must be higher above the ground than this, m.
+        The body must be higher above the terrain than this, m.
     bounds
         Only this part: xmin,ymin,xmax,ymax in the terrain's own metres.
     mode
-        contact: all six wheels touch. equilibrium: at rest under its own weight; wheels may hang.
+        contact: all six wheels in contact, joint limits not enforced. equilibrium: balance under the rover's weight; wheels may
+        be off the ground, joints at their limits.
     linear
-        Bilinear ground between the nodes, or a smooth cubic surface. Default: cubic for files.
+        Bilinear or smooth cubic terrain between the nodes. Default: cubic for files.
     layers
         Keep only these layers, comma-separated, beside passable and worst_exceeded. Default: all usual ones that the output can
-        hold; named only: margin, worst_margin, slope, aspect, roughness.
+        hold; only on request: margin, worst_margin, slope, aspect, roughness.
     per_heading
-        Every heading's layers in the GeoTIFF too, after the summaries.
+        Write every heading's layers into the GeoTIFF too, after the summaries.
     chunk
-        Cells a side of the part that a worker makes at once, a multiple of 128. It changes memory and time only.
+        Cells a side of the part that a worker makes at once, a multiple of 128. It affects memory and time only.
     workers
-        Processes on this machine. Default: as suits the size.
+        Number of processes on this machine. Default: by the size of the map.
     scheduler
         Address of a Dask cluster (tcp://host:8786) to do the work, whose workers see the same files.
     preview
-        The picture beside the map.
+        Write the picture beside the map.
     force
         Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
-        Print the summary as JSON (SI units, radians) in place of the text.
+        Print the summary as JSON (SI units, radians) instead of the text.
     """
     check_place(output)
     geotiff = output.suffix.lower() in (".tif", ".tiff")
@@ -137,7 +138,7 @@ def map_(
     options = (raster or RasterOptions()).file_options
     make_folder(output.parent)
     began = time.perf_counter()
-    with _told(parts) as (settling, writing):
+    with _shown(parts) as (settling, writing):
         maps = traversability(
             machine, ground, headings, resolution, allowed, bounds=parse_bounds(bounds, "--bounds"), mode=mode,
             layers=chosen, interpolation="linear" if linear else "cubic", chunk=chunk, **options,
@@ -147,7 +148,7 @@ def map_(
         try:
             files = [write_map(maps, output, per_heading=per_heading, force=force, progress=writing)]
         except RockerbogieError as error:
-            kept = f"; what is made is kept in {parts}, and the same command goes on from there" if parts else ""
+            kept = f"; finished parts are kept in {parts}; the same command continues from there" if parts else ""
             raise RockerbogieError(f"{error}{kept}") from None
     counts = tally(maps)
     if geotiff:
@@ -167,7 +168,7 @@ def map_(
 
 
 @contextmanager
-def _told(parts: Path | None) -> Iterator[tuple[Callable[[int, int], None], Callable[[int, int], None]]]:
+def _shown(parts: Path | None) -> Iterator[tuple[Callable[[int, int], None], Callable[[int, int], None]]]:
     """Show progress of settling and writing, and print notes on resumed and kept work."""
     with progress() as bar:
         task = bar.add_task("settling", total=None)
@@ -177,7 +178,7 @@ def _told(parts: Path | None) -> Iterator[tuple[Callable[[int, int], None], Call
             if not seen:
                 bar.reset(task, total=total, completed=done)
                 if done:
-                    print(f"rockerbogie: note: going on with {parts}: {100 * done / total:.0f} % is done", file=sys.stderr)
+                    print(f"rockerbogie: note: continuing with {parts}: {100 * done / total:.0f} % is done", file=sys.stderr)
             seen.append(done)
             bar.update(task, total=total, completed=done)
 
@@ -189,7 +190,7 @@ def _told(parts: Path | None) -> Iterator[tuple[Callable[[int, int], None], Call
         except KeyboardInterrupt:
             if parts is not None and parts.exists():
                 print(
-                    f"\nrockerbogie: note: what is finished is in {parts}; the same command goes on from there", file=sys.stderr
+                    f"\nrockerbogie: note: finished parts are in {parts}; the same command continues from there", file=sys.stderr
                 )
             raise
 
@@ -205,7 +206,7 @@ def _layers(text: str | None, *, summaries_only: bool) -> list[str] | None:
         Names of layers, or None.
 
     Raises:
-        RockerbogieError: a name that is no layer, or a layer that the output does not hold.
+        RockerbogieError: an unknown layer, or a layer that the output does not hold.
     """
     held = [name for name, layer in LAYERS.items() if not (summaries_only and layer.per_heading)]
     if text is None:
@@ -227,9 +228,9 @@ def _limits(name: str, *single: float | None) -> Limits:
 
 
 def _from_toml(file: Path) -> Limits:
-    """Limits from a file, in degrees and metres; what it does not name has none."""
+    """Read limits from a TOML file in degrees and metres; missing keys mean no limit."""
     if not file.exists():
-        raise RockerbogieError(f"no limits at {str(file)!r}")
+        raise RockerbogieError(f"no file of limits at {str(file)!r}")
     try:
         found = tomllib.loads(file.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -246,6 +247,7 @@ def _from_toml(file: Path) -> Limits:
 
 
 def _record(maps: xr.Dataset, counts: Tally, seconds: float) -> dict[str, Any]:
+    """Return the summary of a map for JSON."""
     dx, dy = cell_size(maps)
     rest = counts.known - counts.every - counts.some
     poses = counts.cells * maps.sizes["heading"]
@@ -268,18 +270,19 @@ def _record(maps: xr.Dataset, counts: Tally, seconds: float) -> dict[str, Any]:
 
 
 def _print(maps: xr.Dataset, counts: Tally, seconds: float) -> None:
+    """Print the summary of a map."""
     found = _record(maps, counts, seconds)
     console = Console(highlight=False)
     dx, dy = found["cell_size"]
     side = f"{dx:.4g} m" if np.isclose(dx, dy) else f"{dx:.4g} x {dy:.4g} m"
     console.print(f"[bold]{escape(found['rover'])}[/] on [bold]{escape(found['terrain'])}[/]")
     console.print(
-        f"{found['cells'][0]} x {found['cells'][1]} cells of {side}, {_area(found['area'])}, {_area(found['known_area'])} known; "
-        f"{found['headings']} headings, {found['poses']:,} poses in {seconds:.3g} s"
+        f"{found['cells'][0]} x {found['cells'][1]} cells of {side}, {_area(found['area'])}, {_area(found['known_area'])} of it "
+        f"with data; {found['headings']} headings, {found['poses']:,} poses in {seconds:.3g} s"
     )
     if not counts.known:
         console.print(
-            "nowhere is the ground known under all wheels: a coarser --resolution does not help; see the terrain's holes"
+            "no cell has terrain data under all wheels: see the missing data of the terrain; another --resolution does not help"
         )
         return
     table = Table(box=box.SIMPLE, padding=(0, 1), show_header=False)
@@ -296,4 +299,5 @@ def _print(maps: xr.Dataset, counts: Tally, seconds: float) -> None:
 
 
 def _area(square_metres: float) -> str:
+    """Return an area as text in m² or km²."""
     return f"{square_metres / 1e6:.4g} km²" if square_metres >= 1e5 else f"{square_metres:.4g} m²"

@@ -67,10 +67,9 @@ def odometry(
 ) -> None:
     """Compute 3-D odometry from a log of wheels, steering, rocker and bogies.
 
-    Prints what was read, what was repaired and which sensors are doubtful; then the track's length, its end and the slip
-    left over, beside flat 2-D odometry of the same log, and the error of both if the log has positions. With -o it writes
-    odometry.png, odometry.nc, odometry.csv and odometry.mcap (the last with the ros extra only); the last three read back
-    as logs.
+    Prints what was read, what was repaired and which sensors are doubtful; then length, end and residual slip of the track,
+    beside flat 2-D odometry of the same log, and the error of both if the log has positions. With -o it writes odometry.png,
+    odometry.nc, odometry.csv and odometry.mcap (with the ros extra only). The last three can be read as logs.
 
     Parameters
     ----------
@@ -81,14 +80,14 @@ def odometry(
     terrain
         The map, if there is one: a raster file, or surface:NAME.
     start
-        Begin of the track: "x,y" or "x,y,z" in metres. Default: the log's own first position, or 0,0,0.
+        Start of the track: "x,y" or "x,y,z" in metres. Default: the first position in the log, or 0,0,0.
     soil
-        Slip to expect of a slope: "ALONG,ACROSS" per unit of its sine, as in 0.5,0.4.
+        Slip on slopes: "ALONG,ACROSS" per unit of the sine of the slope, as in 0.5,0.4.
     name
-        The log's name of a column or joint, and ours: --name fl_wheel=wheel_angle_LF; a minus turns the sign, as in
-        --name corner_fl=-steering_LF. May be repeated.
+        A name in the log, and ours: --name fl_wheel=wheel_angle_LF; a minus turns the sign, as in --name corner_fl=-steering_LF.
+        May be repeated.
     topic
-        A topic of joint states to read; may be repeated. Default: those that hold the rover's joints, without commands.
+        A topic of joint states to read; may be repeated. Default: those with the rover's joints, without commands.
     imu
         The topic of the IMU, or none. Default: the one that agrees best with the wheels.
     imu_mounting
@@ -102,13 +101,13 @@ def odometry(
     straight
         Accept a log without steering: the wheels were held straight.
     linear
-        Bilinear terrain between the nodes, or a smooth cubic surface. Default: cubic for files.
+        Bilinear or smooth cubic terrain between the nodes. Default: cubic for files.
     output
         Folder for pictures and data.
     force
         Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
-        Print the summary as JSON (SI units, radians) in place of the table.
+        Print the summary as JSON (SI units, radians) instead of the table.
     """
     written = in_folder(output, *(f"odometry.{kind}" for kind in ("png", "nc", "csv", "mcap")))
     guard_outputs(written, log, rover, terrain, force=force)
@@ -146,6 +145,7 @@ def odometry(
 
 
 def _lines(data: xr.Dataset, name: str) -> list[str]:
+    """Return the lines of a text attribute of a log."""
     return [line for line in str(data.attrs.get(name, "")).split("\n") if line]
 
 
@@ -159,32 +159,35 @@ def _print_read(log: xr.Dataset) -> None:
 
 
 def _names(pairs: list[str]) -> dict[str, str]:
+    """Return the pairs of --name: name in the log → our name."""
     found = {}
     for pair in pairs:
         theirs, equals, ours = pair.partition("=")
         if not (theirs and equals and ours):
-            raise RockerbogieError(f"--name {pair!r} is no pair: give the log's name, =, and ours, as in fl_wheel=wheel_angle_LF")
+            raise RockerbogieError(f"--name {pair!r} is not a pair: give THEIRS=OURS, as in fl_wheel=wheel_angle_LF")
         found[theirs] = ours
     return found
 
 
 def _numbers(text: str, option: str, counts: tuple[int, ...]) -> list[float]:
+    """Return the comma-separated numbers of an option; raise if their count is not in `counts`."""
     try:
         values = [float(part) for part in text.split(",")]
     except ValueError:
         values = []
     if len(values) not in counts or not np.isfinite(values).all():
-        raise RockerbogieError(f"{option} {text!r}: give {' or '.join(map(str, counts))} finite numbers with commas between")
+        raise RockerbogieError(f"{option} {text!r}: give {' or '.join(map(str, counts))} finite numbers, separated by commas")
     return values
 
 
 def _first(log: xr.Dataset, axis: str) -> float:
+    """Return the first value of an axis of a log; 0 if it has none."""
     value = float(log[axis][0]) if axis in log else 0.0
     return value if np.isfinite(value) else 0.0
 
 
 def _error(track: xr.Dataset, log: xr.Dataset) -> float | None:
-    """Distance from the log's own last position, where it has one, m."""
+    """Return the distance from the log's last position, m; None if the log has no positions."""
     if not all(axis in log for axis in "xyz"):
         return None
     return float(np.sqrt(sum(float(track[axis][-1] - log[axis][-1]) ** 2 for axis in "xyz")))
@@ -249,5 +252,5 @@ def _print_summary(rover: str, log: str, summary: dict[str, Any]) -> None:
     console.print(f"expected error of the 3-D end: {x:.2f} m in x, {y:.2f} m in y, {z:.2f} m in z (standard deviations)")
     console.print(
         f"the wheels disagree by {1e3 * left['roll_slip_rms']:.1f} mm/s along and {1e3 * left['side_slip_rms']:.1f} mm/s "
-        "across their way (RMS): slip that shows; what all of them slip alike does not"
+        "across their path (RMS); slip common to all wheels does not show"
     )

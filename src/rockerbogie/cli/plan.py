@@ -1,4 +1,4 @@
-"""`rockerbogie plan`: least-cost routes over a map."""
+"""Command `rockerbogie plan`: least-cost routes over a map."""
 
 from __future__ import annotations
 
@@ -62,8 +62,8 @@ def plan(
     Parameters
     ----------
     map_file
-        The map: .zarr, .nc, or .tif. A .tif without --per-heading knows cells and no headings: there only cells that are
-        passable at every heading are passable.
+        The map: .zarr, .nc, or .tif. A .tif without --per-heading has no single headings: only cells that are passable
+        at every heading then count as passable.
     start
         x y in the map's metres.
     goal
@@ -77,8 +77,8 @@ def plan(
     goal_heading
         Yaw at the goal, degrees. Default: any.
     keep_out
-        Areas not to enter: all features of a vector file (GeoPackage, Shapefile, ...), or a raster that is neither 0 nor no
-        data there.
+        Areas not to enter: all features of a vector file (GeoPackage, Shapefile, ...), or the cells of a raster that are
+        neither 0 nor missing.
     keep_out_margin
         Distance that the rover's reference point keeps from them, m. Default: the rover's own radius.
     cost
@@ -91,7 +91,7 @@ def plan(
         The route to write: .gpkg (lines with length, time, tilt and clearance, and poses; CRS of the map), .csv (poses) or
         .geojson (a line).
     rover
-        A preset's name, or a rover file: how it turns. Default: the map's own rover, if that is a preset.
+        A preset's name, or a rover file, for its way to turn. Default: the map's own rover, if that is a preset.
     tilt_weight
         Weight w of the tilt: a metre costs 1 + w (tilt / tilt limit)².
     turn_cost
@@ -101,7 +101,7 @@ def plan(
     backward
         Allow driving backwards.
     terrain
-        The ground, a raster file or surface:NAME, to shade the picture with.
+        Terrain for the shading of the picture: a raster file or surface:NAME.
     preview
         Write the picture too.
     force
@@ -110,7 +110,7 @@ def plan(
         Print the route as JSON (SI units, radians) instead of a line.
     """
     if output is not None and output.suffix.lower() not in WRITERS:
-        raise RockerbogieError(f"{str(output)!r} names no kind of route: end it in .gpkg, .csv or .geojson")
+        raise RockerbogieError(f"{str(output)!r} is not the name of a route: end it in .gpkg, .csv or .geojson")
     if output is not None and output.suffix.lower() == ".gpkg":
         require_vectors()
     if reach is not None:
@@ -120,7 +120,7 @@ def plan(
     guard_outputs(written, map_file, rover, terrain, goals, keep_out, cost, force=force)
     ends = _goals(goals, via, None if goal is None else _state(goal, goal_heading))
     if not ends and reach is None:
-        raise RockerbogieError("where to? Give --goal X Y, a file of --goals, or --reach to see where the rover can go")
+        raise RockerbogieError("no goal: give --goal X Y, a file of --goals, or --reach for the reachable part of the map")
     maps, begin, files = read_map(map_file), _state(start, start_heading), []
     options: dict[str, Any] = {
         "rover": None if rover is None else load_rover(rover), "keep_out": keep_out, "keep_out_margin": keep_out_margin,
@@ -181,4 +181,5 @@ def _goals(file: Path | None, via: list[tuple[float, float]] | None, last: tuple
 
 
 def _state(place: tuple[float, float], heading: float | None) -> tuple[float, ...]:
+    """Return a position and, if given, its yaw in rad."""
     return place if heading is None else (*place, float(np.radians(heading)))

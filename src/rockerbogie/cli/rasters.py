@@ -1,4 +1,4 @@
-"""Options of the commands that read a raster, and the terrain they name."""
+"""Options of commands that read a raster, and the terrain given by its name."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def load_terrain(name: str, linear: bool | None, raster: RasterOptions | None = 
         The terrain.
 
     Raises:
-        TerrainError: no such file or surface; a file that is no height field; raster options for a surface.
+        TerrainError: no such file or surface; a file that is not a height field; raster options for a surface.
     """
     from ..terrain import surfaces
     from ..terrain.heightfield import Terrain

@@ -1,4 +1,4 @@
-"""`rockerbogie reproduce`: section III of the paper."""
+"""Command `rockerbogie reproduce`: section III of the paper."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ..paper.reproduce import reproduce as reproduce_paper
 from ..rover.formats import load_rover
 from .common import Force, Json, RoverName, guard_outputs, in_folder, make_folder, print_json, progress
 
-#: Exit code where the model is further from the simulation than it may be.
+#: Exit code if the model exceeds a limit of its error against the simulation.
 EXIT_NOT_CLOSE = 1
 
 
@@ -30,22 +30,22 @@ def reproduce(
 ) -> int:
     """Reproduce section III of the paper: figures, data, animation, report.
 
-    The rover crosses the paper's two hills by the kinematic model and in a MuJoCo simulation. Written are figures 6 to 9
-    (PNG), crossing.gif, both runs (NetCDF and CSV) and report.html, which holds all of it with the errors and each of the
-    paper's statements checked. Exits 1 where an error is beyond its limit.
+    The rover crosses the paper's two hills by the kinematic model and in a MuJoCo simulation. The command writes figures 6 to
+    9 (PNG), crossing.gif, both runs (NetCDF and CSV) and report.html. The report contains all of them, the errors, and a check
+    of each statement of the paper. Exits 1 if an error exceeds its limit.
 
     Parameters
     ----------
     output
-        Folder to write to.
+        Folder for the files.
     rover
-        Another rover to cross the bumps: a preset's name, or a rover file with constants of your own (`rockerbogie rovers new`
+        Another rover to cross the bumps: a preset's name, or a rover file with your own constants (`rockerbogie rovers new`
         writes one; `rockerbogie rovers NAME` prints the Denavit-Hartenberg table, the paper's Table I). Bumps, path and speed
-        are scaled to its size, and the paper's statements and limits left out.
+        are scaled to its size; the paper's statements and limits are left out.
     force
         Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
-        Print errors and statements as JSON in place of tables.
+        Print errors and statements as JSON instead of tables.
     """
     guard_outputs(in_folder(output, *OUTPUTS), rover, force=force)
     machine = None if rover == ROVER else load_rover(rover)
@@ -73,7 +73,7 @@ def reproduce(
 
 
 def _print_errors(console: Console, errors: list[ErrorRow]) -> None:
-    """Model against simulation, a row a channel."""
+    """Print the errors of the model against the simulation, one row per channel."""
     table = Table(box=box.SIMPLE, padding=(0, 1), title="model against simulation, at equal x, y, yaw", title_justify="left")
     for head in ("", "RMS", "limit", "worst", "limit", "", ""):
         table.add_column(head, justify="right" if head else "left")

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 #: Parameters that are angles: in degrees on the command line, in radians in Python.
 ANGLES = frozenset({"slope", "aspect", "direction", "ramp_slope", "max_slope", "rms_slope"})
-#: Parameters that no text can give, or that have an option of their own.
+#: Parameters that text cannot express, or that have their own option.
 _LEFT_OUT = frozenset({"base", "interpolation"})
 
 
@@ -29,7 +29,7 @@ def build_surface(text: str, interpolation: str | None) -> Terrain:
         The terrain.
 
     Raises:
-        TerrainError: an unknown surface or parameter, or a value that is no number.
+        TerrainError: an unknown surface or parameter, or a value that is not a number.
     """
     from ..terrain import surfaces
 

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Columns = Annotated[list[str] | None, Parameter(name="--column", negative="")]
-#: Most places printed; all of them are in the CSV.
+#: Greatest number of places printed; all of them are in the CSV.
 MOST_PRINTED = 40
 
 
@@ -98,18 +98,18 @@ def validate(
     level
         Share of values that the band contains.
     draws
-        Terrains drawn per place; 0 for no band.
+        Number of random terrains per place; 0: no band.
     seed
         Seed of the draws.
     linear
-        Bilinear terrain between the nodes, or a smooth cubic surface. Default: linear for files, which swings less with their
-        errors.
+        Bilinear terrain between the nodes, or a smooth cubic surface. Default: linear for files, as it amplifies their errors
+        less.
     output
         Folder for picture and data.
     force
         Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
-        Print JSON (SI units, radians) in place of the tables.
+        Print JSON (SI units, radians) instead of the tables.
     """
     written = in_folder(output, *(f"validation.{kind}" for kind in ("png", "csv", "nc")))
     guard_outputs(written, terrain, log, rover, mapping, force=force)
@@ -137,19 +137,19 @@ def _mapping(
     """Return the mapping of file, known log and flags, the last first; `None` if there is none."""
     if file is None and not pairs and frame is None and origin is None:
         return None
-    told = LogMap.from_toml(file) if file is not None else known_log(log) or LogMap({}, name="--column")
-    columns = dict(told.columns)
+    base = LogMap.from_toml(file) if file is not None else known_log(log) or LogMap({}, name="--column")
+    columns = dict(base.columns)
     for pair in pairs:
         role, equals, theirs = pair.partition("=")
         if not (role and equals and theirs):
             raise RockerbogieError(
-                f"--column {pair!r} is no pair: give what it is, =, and the log's name, as in pitch=-pitch_deg"
+                f"--column {pair!r} is not a pair: give the role, =, and the name in the log, as in pitch=-pitch_deg"
             )
         columns[role.strip()] = tuple(theirs.split(",")) if role.strip() == "quaternion" else theirs.strip()
     if not columns:
-        raise RockerbogieError("--frame and --origin belong to columns that are named: add --mapping or --column")
-    start = told.origin if origin is None else parse_point(origin, "--origin")
-    return replace(told, columns=columns, frame=frame or told.frame, origin=start)
+        raise RockerbogieError("--frame and --origin need the meaning of the columns: add --mapping or --column")
+    start = base.origin if origin is None else parse_point(origin, "--origin")
+    return replace(base, columns=columns, frame=frame or base.frame, origin=start)
 
 
 def _first_rows(found: xr.Dataset) -> xr.Dataset:
@@ -163,6 +163,7 @@ SUMMARY = ("rms", "bias", "median_absolute_error", "correlation", "spread", "cov
 
 
 def _record(found: xr.Dataset) -> dict[str, Any]:
+    """Return the result for JSON."""
     channels = [str(c) for c in found["channel"].to_numpy()]
     places = _first_rows(found)
     rows = []
@@ -184,6 +185,7 @@ def _record(found: xr.Dataset) -> dict[str, Any]:
 
 
 def _write(found: xr.Dataset, output: FilePath | None) -> list[FilePath]:
+    """Write picture and data into the folder `output`; return the files."""
     if output is None:
         return []
     from ..figures.style import save
@@ -211,23 +213,24 @@ def _write(found: xr.Dataset, output: FilePath | None) -> list[FilePath]:
 
 
 def _print(found: xr.Dataset) -> None:
+    """Print notes, the table of places, and the summary."""
     console = Console(highlight=False)
     places, band = _first_rows(found), "low" in found
-    told = found.attrs
-    rows = f"{told['rows']} rows" + (f" at {told['places']} places" if band and told["places"] != told["rows"] else "")
-    for note in str(told.get("notes", "")).split("\n"):
+    about = found.attrs
+    rows = f"{about['rows']} rows" + (f" at {about['places']} places" if band and about["places"] != about["rows"] else "")
+    for note in str(about.get("notes", "")).split("\n"):
         if note:
-            console.print(f"note: {told.get('log', 'the log')}: {note}", markup=False)
-    console.print(f"[bold]{told['rover']}[/] on [bold]{told['terrain']}[/] by {told.get('log', 'a log')}: {rows}, degrees")
+            console.print(f"note: {about.get('log', 'the log')}: {note}", markup=False)
+    console.print(f"[bold]{about['rover']}[/] on [bold]{about['terrain']}[/] by {about.get('log', 'a log')}: {rows}, degrees")
     every = -(-places.sizes["row"] // MOST_PRINTED)
     table = Table(box=box.SIMPLE, padding=(0, 0), pad_edge=False, collapse_padding=True)
-    table.add_column(f"\n{told.get('place_is', 'row')}", no_wrap=True)
+    table.add_column(f"\n{about.get('place_is', 'row')}", no_wrap=True)
     for channel in found["channel"].to_numpy():
         for head in (
             f"{channel}\n logged",
             "\n model",
             "\n error",
-            *((f"\n {100 * told['level']:.0f} % band ",) if band else ()),
+            *((f"\n {100 * about['level']:.0f} % band ",) if band else ()),
         ):
             table.add_column(head, justify="right", no_wrap=True)
     for k in range(0, places.sizes["row"], every):
@@ -250,7 +253,8 @@ def _print(found: xr.Dataset) -> None:
 
 
 def _print_summary(console: Console, found: xr.Dataset, band: bool) -> None:
-    told = found.attrs
+    """Print statistics per channel, and the band's coverage and sources."""
+    about = found.attrs
     table = Table(box=box.SIMPLE, padding=(0, 1))
     heads = ("", "RMS", "bias", "median error", "correlation", "logged spread", *(("in band",) if band else ()))
     for head in heads:
@@ -262,14 +266,15 @@ def _print_summary(console: Console, found: xr.Dataset, band: bool) -> None:
         cells += [f"{float(c['correlation']):.2f}", f"{deg['spread']:.2f}"]
         table.add_row(*cells, *((f"{100 * float(c['coverage']):.0f} %",) if band else ()))
     console.print(table)
-    if told["settled"] < told["rows"]:
-        console.print(f"{told['rows'] - told['settled']} rows did not settle and do not count; validation.csv has their status")
+    if about["settled"] < about["rows"]:
+        lost = about["rows"] - about["settled"]
+        console.print(f"{lost} rows did not settle and are left out of the statistics; validation.csv has their status")
     if band:
         console.print(
-            f"the {100 * told['level']:.0f} % band holds {100 * float(found['coverage'].mean()):.0f} % of the values it was not "
-            f"fitted on\ndrawn relief is {told['factor']:.2g} times what the terrain's own roughness leads to "
-            f"(Hurst {told['hurst']:.2f})"
+            f"the {100 * about['level']:.0f} % band holds {100 * float(found['coverage'].mean()):.0f} % of the values it was not "
+            f"fitted on\nrandom relief is {about['factor']:.2g} times that from the terrain's own roughness "
+            f"(Hurst {about['hurst']:.2f})"
         )
         for source in found["source"].to_numpy():
             pitch, roll = np.degrees(found["explained"].sel(source=source).to_numpy())
-            console.print(f"{source} alone makes {pitch:.2f}° in pitch and {roll:.2f}° in roll (standard deviation)")
+            console.print(f"{source} alone gives a standard deviation of {pitch:.2f}° in pitch and {roll:.2f}° in roll")
