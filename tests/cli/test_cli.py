@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import os
 import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -132,10 +134,16 @@ def test_output_that_is_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert "taken" in complaint(capsys, "settle", "-t", "surface:plane", "-o", taken)
 
 
-@pytest.mark.parametrize("command", ["reproduce", "settle", "drive", "simulate"])
-def test_every_command_has_help(command: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert command in COMMANDS
-    assert f"rockerbogie {command}" in answer(capsys, command, "--help")
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_of_a_command_has_its_whole_description(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    shown = " ".join(answer(capsys, command, "--help").split())
+    assert f"rockerbogie {command}" in shown
+    module, _, name = COMMANDS[command][0].partition(":")
+    function = getattr(import_module(module), name)
+    if inspect.isfunction(function):  # an app of sub-commands has its summary only
+        described, _, parameters = (inspect.getdoc(function) or "").partition("\n\nParameters\n")
+        assert parameters
+        assert " ".join(described.replace("`", "").split()) in shown
 
 
 def test_settle_agrees_with_the_library(capsys: pytest.CaptureFixture[str]) -> None:

@@ -23,9 +23,9 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "reproduce": ("rockerbogie.cli.reproduce:reproduce", "Reproduce section III of the paper: figures, data, animation, report."),
     "settle": ("rockerbogie.cli.settle:settle", "Compute the pose of a rover at one position, and show it."),
     "drive": ("rockerbogie.cli.drive:drive", "Drive a rover along a path quasi-statically."),
-    "simulate": ("rockerbogie.cli.drive:simulate", "Simulate the same drive in MuJoCo's rigid-body dynamics, and compare."),
+    "simulate": ("rockerbogie.cli.drive:simulate", "Simulate a drive in MuJoCo's rigid-body dynamics, and compare."),
     "map": ("rockerbogie.cli.map:map_", "Map where a rover can drive on a whole terrain: GeoTIFF for QGIS, Zarr or NetCDF."),
-    "plan": ("rockerbogie.cli.plan:plan", "Compute the least-cost route over such a map."),
+    "plan": ("rockerbogie.cli.plan:plan", "Compute the least-cost route over a map from `rockerbogie map`."),
     "odometry": ("rockerbogie.cli.odometry:odometry", "Compute 3-D odometry from a log of joint sensors."),
     "validate": ("rockerbogie.cli.validate:validate", "Compare predicted with logged attitude, with an uncertainty band."),
     "bench": ("rockerbogie.cli.bench:bench", "Time settling, as ratios to the paper's method and MuJoCo in the same run."),
@@ -77,8 +77,8 @@ def _run(argv: list[str]) -> int:
         help_format="markdown",
         suppress_keyboard_interrupt=False,
     )
-    for name, (target, summary) in COMMANDS.items():
-        app.command(target, name=name, help=summary)
+    for name, (target, summary) in COMMANDS.items():  # the chosen command shows its whole docstring in --help
+        app.command(target, name=name, help=None if argv[:1] == [name] else summary)
     try:
         with warnings.catch_warnings():
             warnings.showwarning = _note

@@ -163,7 +163,7 @@ def simulate(
     force: Force = False,
     json: Json = False,
 ) -> int:
-    """Simulate the same drive in MuJoCo's rigid-body dynamics, and compare.
+    """Simulate a drive in MuJoCo's rigid-body dynamics, and compare.
 
     Six driven wheels, gravity and friction on the same terrain. Prints the difference of the kinematic model at equal position
     and yaw. With -o it also writes attitude.png and joints.png (model and simulation), map.png, profile.png, worst.png,
@@ -181,7 +181,7 @@ def simulate(
     radius
         Turning radius at the waypoints, m.
     speed
-        Speed along the path, m/s. The simulation takes as long as the drive has steps: use a higher speed for long paths.
+        Speed along the path, m/s. Computing time grows with the time of the drive: use a higher speed for long paths.
     friction
         Coefficient of sliding friction between wheels and terrain.
     torque

@@ -24,7 +24,7 @@ from .rasters import Raster, RasterOptions, raster_or_surface
 if TYPE_CHECKING:
     import xarray as xr
 
-Place = Annotated[tuple[float, float], Parameter(allow_leading_hyphen=True)]
+Place = Annotated[tuple[float, float], Parameter(allow_leading_hyphen=True, negative="")]
 Heading = Annotated[float | None, Parameter(allow_leading_hyphen=True)]
 
 
@@ -65,15 +65,15 @@ def plan(
         The map: .zarr, .nc, or .tif. A .tif without --per-heading has no single headings: only cells that are passable
         at every heading then count as passable.
     start
-        x y in the map's metres.
+        Position of the start: x y in the map's metres.
     goal
-        x y in the map's metres: the last goal.
+        Position of the last goal: x y in the map's metres.
     via
-        x y of a goal to reach before; may be repeated, in order.
+        Position of a goal before the last one: x y; may be repeated, in order.
     goals
         A vector file of points, reached in the order of the file, before --via and --goal.
     start_heading
-        Yaw of the rover there, degrees, counter-clockwise from +x (east). Default: any.
+        Yaw of the rover at the start, degrees, counter-clockwise from +x (east). Default: any.
     goal_heading
         Yaw at the goal, degrees. Default: any.
     keep_out
@@ -86,7 +86,7 @@ def plan(
     reach
         Also write the part of the map that the rover can reach from the start, and the cost: .tif, .nc or .zarr. Needs no goal.
     speed
-        Of the wheels, m/s, for the times in the route.
+        Speed of the wheels, m/s, for the times in the route.
     output
         The route to write: .gpkg (lines with length, time, tilt and clearance, and poses; CRS of the map), .csv (poses) or
         .geojson (a line).

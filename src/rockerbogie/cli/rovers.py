@@ -33,9 +33,9 @@ def show(name: str | None = None, /, *, output: Picture = None, force: Force = F
     Parameters
     ----------
     name
-        A preset's name, or a rover file. None: list the presets.
+        A preset's name, or a rover file. Default: list the presets.
     output
-        Picture (.png, .svg or .pdf) to draw it into, with its dimensions.
+        Picture to write (.png, .svg or .pdf): a drawing with dimensions.
     force
         Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
@@ -75,7 +75,7 @@ def new(file: Path, /, *, like: str = "curiosity", force: Force = False) -> None
     like
         Rover whose numbers the file starts with: a preset's name, or a rover file.
     force
-        Replace a rover file that is there. Inputs are never replaced.
+        Replace an existing rover file. Inputs are never replaced.
     """
     _check_ending(file, (".toml",))
     guard_outputs([file], like, force=force)
@@ -153,7 +153,7 @@ def schema_(file: Path | None = None, /, *, force: Force = False) -> None:
     Parameters
     ----------
     file
-        File to write. None: print the schema.
+        File to write. Default: print the schema.
     force
         Replace an existing file that rockerbogie did not write.
     """

@@ -73,7 +73,8 @@ def settle(
     steering
         Angles of wheels that steer, degrees, left positive: LR=10,RR=12. The others stay at 0.
     mode
-        contact: all six wheels in contact. equilibrium: balance under the rover's weight; wheels may be off the ground.
+        contact: all six wheels in contact, joint limits not enforced. equilibrium: balance under the rover's weight; wheels may
+        be off the ground, joints at their limits.
     linear
         Bilinear or smooth cubic terrain between the nodes. Default: cubic for files.
     output

@@ -102,8 +102,7 @@ def validate(
     seed
         Seed of the draws.
     linear
-        Bilinear terrain between the nodes, or a smooth cubic surface. Default: linear for files, as it amplifies their errors
-        less.
+        Bilinear or smooth cubic terrain between the nodes. Default: linear for files, as it amplifies their errors less.
     output
         Folder for picture and data.
     force

@@ -21,7 +21,7 @@ def ground_mesh(
 ) -> Mesh:
     """Return the terrain within bounds as triangles, on a block that reaches down to `base`.
 
-    Unknown ground is left out. `base` defaults to a little below the lowest point.
+    Cells without data are left out.
 
     Args:
         terrain: the terrain.

@@ -37,7 +37,7 @@ class Route:
     y: Array  # (n,) m
     yaw: Array  # (n,) from +x counter-clockwise, rad, continuous
     distance: Array  # (n,) horizontal distance from the start, m
-    cost: Array  # (n,) from the start, equivalent m of level terrain
+    cost: Array  # (n,) from the start, equivalent m of flat terrain
     tilt: Array  # (n,) from the map, rad
     crs: str | None
     rover: str
@@ -50,7 +50,7 @@ class Route:
         ends = [f"({self.x[k]:.10g}, {self.y[k]:.10g})" for k in (0, -1)]
         return (
             f"{self.distance[-1]:.1f} m from {ends[0]} to {ends[1]} m, turning {turned:.0f} deg in all, "
-            f"tilted {np.degrees(np.nanmax(self.tilt)):.1f} deg at most; cost {self.cost[-1]:.1f} m of level ground"
+            f"tilted {np.degrees(np.nanmax(self.tilt)):.1f} deg at most; cost {self.cost[-1]:.1f} m of flat terrain"
         )
 
     def __repr__(self) -> str:
