@@ -1,6 +1,6 @@
 """Mutate robot files, byte by byte and in ways that keep them readable.
 
-`python tests/fuzz/mutate.py 10000` runs that many.
+`python tests/fuzz_files.py --kind robot` mutates 10,000.
 
 Every mutated file must give a possible rover or one `RoverError`, within `LONGEST`. URDF files that MuJoCo reads too must agree
 with it: the pivots' and hubs' positions, and the sum of the masses.
@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import random
 import re
-import sys
 import time
 import warnings
 from collections import Counter
@@ -317,8 +316,3 @@ def run(count: int, seed: int = 0) -> Counter[str]:
             assert taken < LONGEST, f"seed {seed}, file {k} ({name}) took {taken:.1f} s"
     tally["slowest_ms"] = round(1e3 * slowest)
     return tally
-
-
-if __name__ == "__main__":
-    sys.path.insert(0, str(__import__("pathlib").Path(__file__).resolve().parents[1]))
-    print(dict(run(int(sys.argv[1]) if len(sys.argv) > 1 else 1000, int(sys.argv[2]) if len(sys.argv) > 2 else 0)))

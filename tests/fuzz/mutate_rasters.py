@@ -1,4 +1,4 @@
-"""Mutation of raster files: `python tests/fuzz/mutate_rasters.py 3000` tries that many.
+"""Mutation of raster files: `python tests/fuzz_files.py --kind raster` mutates 10,000.
 
 Each mutated file gives terrain or one `TerrainError`, within `LONGEST` seconds. Terrain whose heights differ from those of the
 file before mutation must differ in rasterio's own reading too: no height is made up here.
@@ -7,7 +7,6 @@ file before mutation must differ in rasterio's own reading too: no height is mad
 from __future__ import annotations
 
 import random
-import sys
 import tempfile
 import time
 import warnings
@@ -96,7 +95,3 @@ def run(count: int, seed: int = 0) -> Counter[str]:
             tally[outcome] += 1
             target.unlink()
     return tally
-
-
-if __name__ == "__main__":
-    print(dict(run(int(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 0)))

@@ -20,6 +20,8 @@ STORAGE = (".mcap", ".db3", ".bag")
 QUATERNION_SLACK = 0.1
 #: Modules below rosbags that raise errors of their own on broken files.
 READERS = ("apsw", "backports", "compression", "lz4", "zlib", "struct", "ruamel", "rosbags", "zstandard")
+#: Errors of those readers on damaged lengths and offsets, besides their own classes.
+DAMAGED = (EOFError, IndexError, TypeError, MemoryError, OverflowError, RecursionError)
 
 
 @dataclass
@@ -124,7 +126,7 @@ def read_topics(path: Path, report: LogReport) -> tuple[dict[str, Topic], dict[s
         remedy = "; `mcap recover` restores a file whose recording was cut off" if "magic" in str(error) else ""
         raise _unreadable(path, error, remedy) from None
     except Exception as error:  # the readers below rosbags raise errors of their own (zstd, lz4, apsw, struct)
-        if not type(error).__module__.startswith(READERS) and not isinstance(error, EOFError | IndexError | TypeError):
+        if not type(error).__module__.startswith(READERS) and not isinstance(error, DAMAGED):
             raise
         raise _unreadable(path, error, "") from None
     for topic in topics.values():
@@ -171,7 +173,7 @@ def _storages(path: Path, report: LogReport) -> list[Path]:
         try:
             with Reader(path):
                 return [path]
-        except (ReaderError, OSError, ValueError, KeyError, TypeError, AssertionError) as error:
+        except (ReaderError, OSError, ValueError, KeyError, AssertionError, *DAMAGED) as error:
             if not files:
                 raise
             report.note(f"metadata.yaml cannot be used ({' '.join(str(error).split())}); the folder's files were read")

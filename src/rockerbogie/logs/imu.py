@@ -10,6 +10,7 @@ from ..arrays import Array
 from ..errors import RockerbogieError
 from ..rotations import body_transform
 from .channels import LogReport
+from .counters import replace_wild
 from .sensor_checks import (
     NED,
     WheelCheck,
@@ -38,24 +39,27 @@ class Imu:
     gyro: tuple[Array, Array] | None = None  # times (n,), (n, 3) rad/s
 
     @classmethod
-    def from_signals(cls, source: str, frames: set[str], signals: dict[str, tuple[Array, Array]]) -> Imu:
+    def from_signals(cls, source: str, frames: set[str], signals: dict[str, tuple[Array, Array]], report: LogReport) -> Imu:
         """Return the IMU of a topic.
 
         Args:
             source: topic.
             frames: frame_id of its messages.
             signals: `gyro_x` … and `q_x` … `q_w`, each with its times.
+            report: gets a note for each repair.
 
         Returns:
             The IMU; parts without signals are `None`.
         """
         attitude = gyro = None
         if "q_w" in signals:
-            attitude = (signals["q_w"][0], attitude_of(np.stack([signals[f"q_{k}"][1] for k in "xyzw"], axis=-1)))
-            attitude[1][:, 2] = np.unwrap(attitude[1][:, 2])
-            attitude[1][:, 0] = np.unwrap(attitude[1][:, 0])
+            time, angles = signals["q_w"][0], attitude_of(np.stack([signals[f"q_{k}"][1] for k in "xyzw"], axis=-1))
+            roll, pitch, yaw = (replace_wild(time, angle, f"attitude of {source}", report) for angle in angles.T)
+            attitude = (time, np.stack([np.unwrap(roll), pitch, np.unwrap(yaw)], axis=-1))
         if all(f"gyro_{k}" in signals and len(signals[f"gyro_{k}"][0]) == len(signals["gyro_x"][0]) for k in "xyz"):
-            gyro = (signals["gyro_x"][0], np.stack([signals[f"gyro_{k}"][1] for k in "xyz"], axis=-1))
+            time = signals["gyro_x"][0]
+            rates = [replace_wild(time, signals[f"gyro_{k}"][1], f"gyro of {source}", report) for k in "xyz"]
+            gyro = (time, np.stack(rates, axis=-1))
         return cls(source, frozenset(frames), attitude, gyro)
 
     def turned(self, frame: str, mounting: tuple[float, float, float] | None) -> Imu:

@@ -300,7 +300,8 @@ def _add_imu(
     for name in ATTITUDE:  # parts of an attitude, such as an inclinometer's
         if name in source.columns:
             own, values = source.columns[name]
-            data[name] = resample_all(own, np.unwrap(values) if name == "yaw" else replace_wild(own, values, name, report), time)
+            values = replace_wild(own, values, name, report)
+            data[name] = resample_all(own, np.unwrap(values) if name == "yaw" else values, time)
 
 
 def _origin_text(origins: list[str]) -> str:

@@ -19,10 +19,15 @@ MOST_RESIDUAL = 0.25
 DOUBTFUL_RESIDUAL, EXPLAINED = 0.05, 0.3
 #: Headings are compared if they turn by this angle at least, rad, in blocks of this time, s.
 LEAST_TURN, BLOCK = np.radians(40), 1.0
+#: A steering angle is doubtful if its median is off the hub's direction of travel by this angle, rad. Hubs that move at less
+#: than this share of the usual speed are left out.
+STEERING_OFF, MOVING = np.radians(3), 0.3
+#: Wheels that do not steer share an axle line if their hubs are this close in x, as a share of the wheelbase.
+ONE_LINE = 0.05
 #: Ratio of an IMU's turning to the wheels' that slip may explain.
 PLAUSIBLE = (0.3, 3.0)
 #: Tilt that no rover has for half of a log, rad.
-MOST_TILT = np.radians(60)
+MOST_TILT = np.radians(40)
 #: Speed that no rover of this kind reaches, m/s.
 MOST_SPEED = 5.0
 NED = (np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]), np.diag([1.0, -1.0, -1.0]))
@@ -111,7 +116,46 @@ def check_wheels(rover: Rover, time: Array, wheel_rates: Array, steering: Array)
                 found.append(f"{text}; without wheel {name} it is {100 * alone[odd]:.0f} %: check its rate and steering")
             elif residual > MOST_RESIDUAL:
                 found.append(f"{text}: check names, units and signs of wheels and steering")
+    if not found:
+        found += _doubtful_steering(rover, rates, mean)
     return WheelCheck(yaw, residual, tuple(found))
+
+
+def _doubtful_steering(rover: Rover, wheel_rates: Array, steering: Array) -> list[str]:
+    """Compare each steering angle with the direction in which the other wheels carry its hub.
+
+    Rovers whose fixed wheels do not share an axle line are left out: they turn with side slip.
+
+    Args:
+        rover: the rover.
+        wheel_rates, steering: (n, 6) rad/s and rad.
+
+    Returns:
+        A warning for the wheel that is off the most; no warning if all agree.
+    """
+    fixed = rover.hubs[~rover.steers, 0]
+    if not rover.steers.any() or (len(fixed) and np.ptp(fixed) > ONE_LINE * rover.wheelbase):
+        return []
+    off = np.zeros(6)
+    for i in np.flatnonzero(rover.steers):
+        v, _ = planar_motion(rover, wheel_rates, steering, without=int(i))
+        x, y, _ = rover.hubs[i]
+        along, across = v[:, 0] - v[:, 2] * y, v[:, 1] + v[:, 2] * x
+        speed = np.hypot(along, across)
+        moving = speed > MOVING * np.percentile(speed, 90)
+        if not moving.any():
+            continue
+        apart = (steering[moving, i] - np.arctan2(across, along)[moving] + np.pi / 2) % np.pi - np.pi / 2  # rolling backward too
+        middle = float(np.median(apart))
+        if np.median(np.abs(apart - middle)) < abs(middle) / 2:
+            off[i] = middle
+    worst = int(np.argmax(np.abs(off)))
+    if abs(off[worst]) < STEERING_OFF:
+        return []
+    return [
+        f"steering of {rover.wheel_names[worst]} is {np.degrees(off[worst]):+.1f}° off the direction in which the other wheels "
+        "carry it: check its sign, unit and zero"
+    ]
 
 
 def _flips(rover: Rover) -> list[tuple[str, Array, Array]]:

@@ -14,6 +14,7 @@ from ..errors import RockerbogieError
 from ..rover.model import Rover
 from ..tables import Table, find_unit
 from .channels import ATTITUDE, AXES, LOG_VARIABLES, LogReport, arrange_log, column_names
+from .counters import replace_wild
 from .imu import CLOCK_SLACK, Imu
 from .names import match_columns
 from .stamps import drop_duplicates, order_stamps
@@ -85,7 +86,7 @@ def from_table(table: Table, rover: Rover, names: Mapping[str, str], counts: flo
         source.origin[ours] = f"column {matches[ours].column}"
     taken = {match.column for match in matches.values()} | {clock}
     source.unused = [name for name in listed if name not in taken]
-    _imu_of_columns(source, table.file)
+    _imu_of_columns(source, table.file, report)
     return source
 
 
@@ -192,13 +193,14 @@ def from_dataset(data: xr.Dataset, rover: Rover, file: str, report: LogReport) -
         source.columns[column] = drop_duplicates(time, values, file, report)
         source.origin[column] = f"variable {variable}"
     source.unused = [str(name) for name in data.data_vars if name not in LOG_VARIABLES]
-    _imu_of_columns(source, file)
+    _imu_of_columns(source, file, report)
     return source
 
 
-def _imu_of_columns(source: Source, file: str) -> None:
+def _imu_of_columns(source: Source, file: str, report: LogReport) -> None:
     """Move attitude and gyro from the columns to an IMU."""
-    c = source.columns
+    names = [name for name in (*ATTITUDE, *(f"gyro_{axis}" for axis in AXES)) if name in source.columns]
+    c = {name: (source.columns[name][0], replace_wild(*source.columns[name], name, report)) for name in names}
     attitude = gyro = None
     if all(name in c for name in ATTITUDE) and len({len(c[name][0]) for name in ATTITUDE}) == 1:
         attitude = (c["yaw"][0], np.stack([c["roll"][1], c["pitch"][1], np.unwrap(c["yaw"][1])], axis=-1))
@@ -275,7 +277,7 @@ def from_bag(
             report.warn(f"{name}: its clock is {shift:+.4g} s off that of {wheels.name}; its times were shifted by as much")
         columns = topic.signals(report, -shift if apart else 0.0)
         if topic.kind == IMU:
-            source.imus.append(Imu.from_signals(name, topic.frames, columns))
+            source.imus.append(Imu.from_signals(name, topic.frames, columns, report))
         elif "x" not in source.columns or name == "/odom":
             source.columns |= {k: columns[k] for k in "xyz" if k in columns}
             source.origin |= dict.fromkeys("xyz", f"topic {name}, compared with only")
