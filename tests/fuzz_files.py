@@ -1,4 +1,6 @@
-"""Mutate files by the thousand and read them: `python tests/fuzz_files.py --kind robot|raster|log --count 10000`.
+"""Mutation of robot files, rasters and logs by the thousand.
+
+`python tests/fuzz_files.py --kind robot|raster|log --count 10000`
 
 Every mutated file gives one sentence or a right answer, within seconds; the rules are in tests/fuzz. The same functions run with
 small counts in pytest (tests/fuzz/test_fuzz.py, tests/rover/test_formats_fuzz.py).

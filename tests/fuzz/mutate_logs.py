@@ -105,7 +105,7 @@ def netcdf() -> bytes:
 
 
 def mutate_netcdf(rng: random.Random, file: Path) -> None:
-    """Write a NetCDF run file with changed bytes, or with one change of a variable, a unit, a coordinate or rows."""
+    """Write a NetCDF run file with changed bytes, or one change of variable, unit or rows."""
     way, data = rng.randrange(9), run_file()
     if way < 4:
         file.write_bytes(mutate_bytes(netcdf(), rng))

@@ -1,4 +1,7 @@
-"""Small counts of mutated rasters and logs; `tests/fuzz_files.py` runs the full ones, tests/rover those of robot files."""
+"""Small counts of mutated rasters and logs.
+
+`tests/fuzz_files.py` runs the full counts; tests/rover has those of robot files.
+"""
 
 from __future__ import annotations
 

@@ -9,9 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import TerrainError
+
 Array = NDArray[np.float64]
 
 HUGE = 1e20  # stored values from here on are never heights: ISIS NULL -3.4e38, netCDF 9.97e36, Surfer 1.7e38, 1e20
+#: Heights of one file span less than this, m: Mars spans 30 km from Hellas to Olympus Mons.
+MOST_RELIEF = 100e3
 #: Values that files store for missing data. ISIS uses the lowest 17 values of 16 bits.
 NAMED = frozenset(
     {sign * value for value in (999.0, 9999.0, 99999.0, 999999.0, 9999999.0, 9999.9, 32767.0, 2147483647.0) for sign in (-1, 1)}
@@ -121,6 +125,22 @@ class Screening:
                 break
             found.add(rest.pop(side))
         return tuple(sorted(found))
+
+    def check_relief(self, fills: tuple[float, ...]) -> None:
+        """Check that the heights are a planet's.
+
+        Args:
+            fills: the result of the method `fills`.
+
+        Raises:
+            TerrainError: heights that span more than `MOST_RELIEF`.
+        """
+        ends = [self.scale * v + self.offset for v in self.lowest | self.highest if v not in fills]
+        if ends and max(ends) - min(ends) > MOST_RELIEF:
+            raise TerrainError(
+                f"{self.name} has heights from {min(ends):.6g} to {max(ends):.6g} m, more relief than any planet: the file is "
+                "damaged, its unit is wrong, or missing data is not declared (gdal_edit.py -a_nodata VALUE)"
+            )
 
     def _named_alone(self, value: float) -> bool:
         """Return True if no extreme height outside `NAMED` lies close to a value of `NAMED`."""

@@ -164,6 +164,7 @@ class Raster:
         for row in range(rows[0], rows[1], step):
             search.add(self._stored((row, min(row + step, rows[1])), cols))
         fills = search.fills()
+        search.check_relief(fills)
         if self.georeference.unit != 1.0:
             unit, name = self.georeference.unit, self.georeference.unit_name
             notes.append(f"x and y of {self.name} are converted from {name} ({unit:.7g} m) to metres: give positions in metres")
