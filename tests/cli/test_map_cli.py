@@ -171,7 +171,7 @@ def test_a_map_that_cannot_be_written_is_not_computed_again(
 
     argv = ("map", dem, *CALL, "--no-preview", "-o", tmp_path / "made" / "map.tif")
     with monkeypatch.context() as patched:
-        patched.setattr("rockerbogie.maps.files._copy_piece", full)
+        patched.setattr("rockerbogie.maps.geotiff._copy_piece", full)
         said = complaint(capsys, *argv)
     assert "No space left on device; finished parts are kept in" in said
     assert main([str(a) for a in argv]) == 0

@@ -14,7 +14,7 @@ import xarray as xr
 
 import rockerbogie as rb
 from rockerbogie.figures.terrain_map import terrain_map
-from rockerbogie.maps import files
+from rockerbogie.maps import files, geotiff, grid
 from rockerbogie.maps.files import read_map, write_map
 from rockerbogie.maps.preview import overview, tally
 from rockerbogie.maps.style import CLASSES, write_style
@@ -129,7 +129,7 @@ def test_the_same_map_gives_the_same_bytes_in_memory_and_chunked(
     drawn: xr.Dataset, tmp_path: Path, ending: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("dask", reason="needs the scale extra")
-    monkeypatch.setattr(files, "PIECE", (256, 256))  # several pieces
+    monkeypatch.setattr(grid, "PIECE", (256, 256))  # several pieces
     first = content(write_map(drawn, tmp_path / f"a{ending}"))
     assert content(write_map(drawn, tmp_path / f"b{ending}")) == first
     lazy = drawn.chunk(heading=2, y=128, x=128)
@@ -177,7 +177,7 @@ def test_style_has_the_documented_colours(drawn: xr.Dataset, tmp_path: Path) -> 
 
 
 def test_counts_include_every_cell_once(drawn: xr.Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(files, "PIECE", (100, 77))
+    monkeypatch.setattr(grid, "PIECE", (100, 77))
     counts = tally(drawn)
     share = drawn["passable"].values
     assert counts.cells == 260 * 300
@@ -266,7 +266,7 @@ def test_a_failed_write_keeps_the_old_map(
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(files, "_copy_piece" if ending == ".tif" else "_write_netcdf", full)
+    monkeypatch.setattr(*((geotiff, "_copy_piece") if ending == ".tif" else (files, "_write_netcdf")), full)
     with pytest.raises(rb.RockerbogieError, match="cannot write .*No space left on device"):
         write_map(drawn, file)
     assert content(file) == before

@@ -20,7 +20,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from ..errors import RockerbogieError, unknown_name
-from ..maps.files import cell_size, check_place, write_map
+from ..maps.files import check_place, write_map
+from ..maps.grid import cell_size
 from ..maps.layers import LAYERS, chosen_layers
 from ..maps.limits import Limits
 from ..maps.preview import Tally, overview, tally

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from ..maps.files import cell_size
+from ..maps.grid import cell_size
 from ..maps.style import CLASSES
 from ..motion.path_files import Route
 from .charts import HALO, Bounds, plain_metres, scale_bar

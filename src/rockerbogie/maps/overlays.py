@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..errors import RockerbogieError, require
 from ..vectors import Features, is_vector, read_features
-from .files import cell_size, crs_of, transform
+from .grid import cell_size, crs_of, transform
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -15,7 +15,8 @@ from ..motion.path_files import Route
 from ..rotations import wrap_angle
 from ..rover.formats import load_rover
 from ..rover.model import LOAD_ROVER, Rover
-from .files import cell_size, crs_of, read_map
+from .files import read_map
+from .grid import cell_size, crs_of
 from .layers import REACH
 from .moves import graph, grid_steps, moves, turning_radius, turns_in_place
 from .overlays import cost_cells, keep_out_cells

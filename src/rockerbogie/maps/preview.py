@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from ..errors import RockerbogieError
 from ..terrain.heightfield import Terrain
 from ..terrain.raster import open_raster
-from .files import FIRST, pieces
+from .geotiff import FIRST
+from .grid import pieces
 
 if TYPE_CHECKING:
     import xarray as xr

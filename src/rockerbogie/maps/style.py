@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from xml.sax.saxutils import quoteattr
 
 from ..outputs import SOURCE
-from .files import FIRST, bands
+from .geotiff import FIRST, bands
 
 if TYPE_CHECKING:
     import xarray as xr
