@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 import re
-import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import TerrainError, TerrainWarning, require
-from .georeference import Georeference, check_scale, georeference, refuse_angles, unit_length, warp
+from .georeference import Georeference, check_scale, georeference, refuse_angles, warp
 from .missing import HUGE, Screening
+from .raster_checks import check_band, height_unit, is_placed, with_cell
 from .window import check_grid
 
 Array = NDArray[np.float64]
@@ -31,7 +31,6 @@ BLOCK = 1 << 22  # pixels screened at once
 NOISE = 1e-3  # cells: a rotation that moves every pixel by less than this is rounding
 #: Names that GDAL takes and that are not paths: netcdf:file.nc:z, https://…, /vsizip/….
 GDAL_NAME = re.compile(r"^([A-Za-z][A-Za-z0-9_+.-]+:|/vsi)")
-COLOURS = frozenset({"red", "green", "blue", "alpha", "palette", "hue", "saturation", "lightness", "cyan", "magenta", "yellow"})
 
 
 @dataclass(frozen=True)
@@ -196,13 +195,13 @@ def open_raster(path: str | Path, band: int = 1, cell: float | None = None) -> R
     source = locate(path)
     name = short_name(source)
     with _opened(source) as file:
-        _check_band(file, source, band)
+        check_band(file, name, band)
         shape = (file.height, file.width)
         frame = georeference(file.crs, name)
         T = [float(v) for v in tuple(file.transform)[:6]]
         if cell is not None:
-            T = _with_cell(cell, T, shape, frame, name)
-        elif not _is_placed(T):
+            T = with_cell(cell, T, shape, frame, name)
+        elif not is_placed(T):
             raise TerrainError(
                 f"{name} is placed by ground control points: rectify it first, with {warp(name, None, None)}"
                 if file.gcps[0]
@@ -221,7 +220,7 @@ def open_raster(path: str | Path, band: int = 1, cell: float | None = None) -> R
                 f"{name} has no CRS and cells of {size[0]:.3g}, as if it counted in degrees: assign its CRS with gdal_edit.py "
                 f"-a_srs, or give the side of a cell in metres (cell=, or --cell)"
             )
-        height = _height_unit(file, name, band, frame)
+        height = height_unit(file, name, band, frame)
         alpha = next((k for k, kind in zip(file.indexes, file.colorinterp, strict=True) if kind.name == "alpha"), None)
         scale, offset = float(file.scales[band - 1]) * height, float(file.offsets[band - 1]) * height
     unit = frame.unit
@@ -322,71 +321,6 @@ def _positions(corner: float, step: float, count: int, first: int, last: int) ->
         at = count - 1 - at
     with np.errstate(over="ignore", invalid="ignore"):  # positions that are not finite are refused with the terrain
         return np.asarray(corner + step * (at + 0.5))
-
-
-def _is_placed(T: list[float]) -> bool:
-    """Return True if a transform was set. Some drivers leave uninitialised, denormal numbers."""
-    noise = any(v != 0 and abs(v) < sys.float_info.min for v in T)
-    return not noise and all(map(math.isfinite, T)) and T != [1, 0, 0, 0, 1, 0] and T[0] * T[4] - T[1] * T[3] != 0
-
-
-def _with_cell(cell: float, T: list[float], shape: tuple[int, int], frame: Georeference, name: str) -> list[float]:
-    """Return the transform for cells of a given side, with the south-west corner at (0, 0)."""
-    try:
-        side = float(cell)
-    except (TypeError, ValueError):
-        side = math.nan
-    if not (math.isfinite(side) and side > 0):
-        raise TerrainError(f"cell is {cell!r}: give the side of a cell, a finite number of metres above 0")
-    if frame.crs is not None and _is_placed(T):
-        raise TerrainError(f"{name} has a CRS and cells of {math.hypot(T[0], T[3]):.6g} by its own georeference: leave cell out")
-    return [side, 0.0, 0.0, 0.0, -side, side * shape[0]]
-
-
-def _check_band(file: Any, source: str, band: int) -> None:
-    """Raise an error unless a band holds numbers that can be heights."""
-    name = short_name(source)
-    if file.count == 0 and file.subdatasets:
-        listed = ", ".join(repr(s) for s in file.subdatasets[:6]) + (", …" if len(file.subdatasets) > 6 else "")
-        raise TerrainError(f"{name} holds several rasters: give one of them as the file, {listed}")
-    if not isinstance(band, int | np.integer) or not 1 <= band <= file.count:
-        raise TerrainError(f"{name} has {file.count} band(s), counted from 1; band {band!r} is not one of them")
-    if np.dtype(file.dtypes[band - 1]).kind not in "iuf":
-        raise TerrainError(f"band {band} of {name} holds {file.dtypes[band - 1]}, not heights: choose another band")
-    colour = file.colorinterp[band - 1].name.lower()
-    if colour in COLOURS:
-        raise TerrainError(
-            f"band {band} of {name} is the {colour} of a picture, not heights: give the terrain model itself, or another band"
-        )
-
-
-def _height_unit(file: Any, name: str, band: int, frame: Georeference) -> float:
-    """Return the length of a band's unit, m: as the band, the label or the CRS states it."""
-    unit = file.units[band - 1] or ""
-    if not unit and "json:PDS" in file.tag_namespaces():
-        unit = _label_unit(file)
-    length = unit_length(unit)
-    if length is None and frame.height_unit is not None:
-        return frame.height_unit
-    if length is None:
-        raise TerrainError(
-            f"band {band} of {name} holds values in {unit!r}, which is not a known length: choose another band, or state the "
-            f"unit with rio edit-info --bidx {band} --units metre {name}"
-        )
-    return frame.height_unit if not unit.strip() and frame.height_unit is not None else length
-
-
-def _label_unit(file: Any) -> str:
-    """Return UNIT of the IMAGE object in a PDS3 label; "" if there is none."""
-    import json
-
-    key, value = next(iter(file.tags(ns="json:PDS").items()), ("", ""))
-    for mark in ":=":  # rasterio splits the text at the first of these, as if it were a name and a value
-        try:
-            return str(json.loads(key + mark + value)["IMAGE"]["UNIT"]).strip("\"' ")
-        except (ValueError, KeyError, TypeError):
-            continue
-    return ""
 
 
 def _inside(centres: tuple[Array, Array], window: Window, name: str) -> tuple[tuple[int, int], tuple[int, int]]:
