@@ -21,7 +21,7 @@ OUT = Path(__file__).parent / "img" / "perseverance_sol1590.png"
 #: Length of rim over which slip is computed, m: about the distance between two updates of the visual odometry.
 WINDOW = 1.0
 #: Soil, fitted on the first half of the drive by the example.
-SOIL = rb.SlopeSlip(0.57, 0.47)
+SOIL = rb.SlopeSlip(0.58, 0.48)
 
 
 def slip_of(log: xr.Dataset, rover: rb.Rover, place: np.ndarray) -> np.ndarray:
@@ -73,6 +73,11 @@ def main(folder: Path) -> None:
         for lag in (0.0, 30.0):
             r, rms, n = agreement(slip, log, lag)
             print(f"slip {label:34s} against the log's {lag:2.0f} s before: correlation {r:.2f}, RMS {rms:.3f}, n = {n}")
+    logged = log["slip"].values[np.isfinite(measured)]
+    print(f"logged slip at these rows: mean {logged.mean():.2f}, standard deviation {logged.std():.3f}")
+    plain, flipped = tracks["3-D"][0], rb.odometry(rover, None, log.assign(rocker=-log["rocker"]))
+    moved = np.linalg.norm([float(plain[k][-1] - flipped[k][-1]) for k in "xyz"])
+    print(f"the other sign of the differential moves the final position by {moved:.2f} m")
     with look():
         fig = figure(9.0, 9.5)
         plan, side, slips = fig.subplots(3, 1, height_ratios=(1.7, 0.9, 1.0))

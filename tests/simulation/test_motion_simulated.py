@@ -99,7 +99,7 @@ def test_perseverance_sol_1590(data):
     from perseverance_sol1590 import difference, read
 
     rover, log = rb.load_rover("perseverance"), read(data("perseverance/sol01590_first60.csv"))
-    soil = rb.SlopeSlip(0.57, 0.47)  # fitted on the first half of the way
+    soil = rb.SlopeSlip(0.58, 0.48)  # fitted on the first half of the drive
     late = log.isel(time=slice(1600, None))
     start = tuple(float(late[k][0]) for k in "xyz")
     error = {
