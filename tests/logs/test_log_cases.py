@@ -95,12 +95,14 @@ def rpm():
         ({(f"{k} (deg)" if k != "time" else "Time (s)"): np.degrees(v) if k != "time" else v for k, v in table().items()}, {}),
         ({(f"{k} [°]" if k in STEER else k): np.degrees(v) if k in STEER else v for k, v in table().items()}, {}),
         ({k.lower(): v for k, v in table().items()}, {}),
+        ({("t" if k == "time" else k): v for k, v in table().items()}, {}),
+        ({("Timestamp [s]" if k == "time" else k): v for k, v in table().items()}, {}),
         (rpm(), {}),
         (table(**{a: (v + np.pi) % (2 * np.pi) - np.pi for a, v in zip(ANGLES, LAP.angle.T, strict=True)}), {}),
         (table(time=[f"2024-05-01T12:{int(t // 60):02d}:{t % 60:09.6f}Z" for t in LAP.t]), {}),
     ],
     ids=["plain", "semicolons and decimal commas", "tabs", "utf-16", "comment", "text column", "ampere", "ms", "us", "epoch ns",
-         "degrees in round brackets", "degree sign", "lower case", "RPM", "wrapped at pi", "dates"],
+         "degrees in round brackets", "degree sign", "lower case", "t", "timestamp", "RPM", "wrapped at pi", "dates"],
 )  # fmt: skip
 def test_csv_in_every_form_gives_the_lap(columns, form, tmp_path):
     assert_lap(run(write_csv(tmp_path, columns, **form))[0], "CSV")
@@ -641,3 +643,14 @@ def test_attitude_logs_in_degrees_with_gaps_or_other_separators(tmp_path, capsys
         assert found.sizes["row"] == n - 2
         assert_close(np.degrees(found["rms"]), 0.0, 1e-2, "deg", "the plane's own attitude")
         assert sep == "," or "separated by" in found.attrs["notes"]
+
+
+def test_two_names_of_time_need_a_choice(tmp_path):
+    columns = {"t": LAP.t, "stamp": LAP.t, **table(time=None)}
+    refused(write_csv(tmp_path, columns), "has times stamp and t: name one of them, as in --name stamp=time")
+    assert_lap(run(write_csv(tmp_path, columns), names={"t": "time"})[0], "named")
+
+
+def test_a_run_file_over_t_is_read(tmp_path):
+    LAP.dataset(None, imu=False, suspension=False).rename(time="t").to_netcdf(tmp_path / "run.nc", engine="h5netcdf")
+    assert_lap(run(tmp_path / "run.nc")[0], "NetCDF over t")

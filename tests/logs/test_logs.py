@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -87,6 +88,7 @@ def test_mcap_is_read_by_other_libraries(run, rover, tmp_path):
             for c in reader.get_summary().channels.values()
         }
         assert latched["/robot_description"]
+        assert latched["/tf_static"]
         assert not latched["/joint_states"]
         last = {channel.topic: message for _, channel, _, message in reader.iter_decoded_messages()}
     assert last["/robot_description"].data.startswith(rb.to_urdf(rover))
@@ -95,6 +97,9 @@ def test_mcap_is_read_by_other_libraries(run, rover, tmp_path):
     assert_close([at.x, at.y, at.z], [float(end[k]) for k in "xyz"], 1e-12, "m", "the last pose")
     joints = dict(zip(last["/joint_states"].name, last["/joint_states"].position, strict=True))
     assert_close(joints["rocker_right_joint"], rover.right_rocker(float(end["rocker"])), 1e-12, "rad", "through the differential")
+    links = {link.get("name") for link in ElementTree.fromstring(rb.to_urdf(rover)).findall("link")}
+    placed = [t.child_frame_id for topic in ("/tf", "/tf_static") for t in last[topic].transforms]
+    assert sorted(placed) == sorted(links), "each link of the URDF has one transform; base_link's is from odom"
     # walk the frames to a wheel's hub and compare with our own
     step = {t.child_frame_id: t for t in last["/tf"].transforms}
     from scipy.spatial.transform import Rotation

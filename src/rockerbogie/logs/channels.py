@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +36,30 @@ LOG_VARIABLES: dict[str, tuple[tuple[str, ...], str]] = {
 ATTITUDE = ("roll", "pitch", "yaw")
 #: Largest angle of each variable, rad: a larger one is most likely in degrees.
 LARGEST = {"steering": np.pi, "rocker": np.pi / 2, "bogie": np.pi / 2, "pitch": np.pi / 2 + 1e-6}
+
+
+#: Names of the column of times, the usual one first.
+CLOCKS = ("time", "t", "timestamp", "stamp")
+
+
+def clock_of(names: Iterable[str], file: str) -> str | None:
+    """Find the column of times by its name, in any case.
+
+    Args:
+        names: columns of a log.
+        file: its name, for messages.
+
+    Returns:
+        `time` if it is there, else the one of `CLOCKS`; `None` if there is none.
+
+    Raises:
+        RockerbogieError: several names other than `time`.
+    """
+    found = {name.lower(): name for name in names if name.lower() in CLOCKS}
+    if "time" in found or len(found) < 2:
+        return found.get("time") or next(iter(found.values()), None)
+    theirs = sorted(found.values())
+    raise RockerbogieError(f"{file} has times {' and '.join(theirs)}: name one of them, as in --name {theirs[0]}=time")
 
 
 class LogWarning(UserWarning):
@@ -129,7 +154,10 @@ def arrange_log(rover: Rover, log: xr.Dataset, file: str = "the log") -> xr.Data
     import xarray as xr
 
     if "time" not in log.variables:
-        raise RockerbogieError(f"{file} has no coordinate 'time'")
+        clock = clock_of(map(str, log.variables), file)
+        if clock is None:
+            raise RockerbogieError(f"{file} has no coordinate 'time'")
+        log = log.rename({clock: "time"})
     if log["time"].ndim != 1:
         raise RockerbogieError(f"time in {file} lies over {log['time'].dims}; give one value a row")
     (dim,) = log["time"].dims

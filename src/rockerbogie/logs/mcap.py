@@ -35,7 +35,8 @@ def write_mcap(rover: Rover | xr.Dataset, run: xr.Dataset | Rover, file: str | P
     """Write a run as an MCAP file of ROS 2 messages that Foxglove and `ros2 bag` open.
 
     Topics: `/joint_states` (JointState of the joints that the run has), `/imu` (Imu), `/odom` (Odometry), `/tf` (odom →
-    base_link → every link) and `/robot_description` (the URDF, latched). Frames are ROS's own: x forward, y left, z up.
+    base_link → every link that moves), `/tf_static` (links that do not) and `/robot_description` (the URDF), the last
+    two latched. Frames are ROS's own: x forward, y left, z up.
     `/odom` has the covariances of a run of `odometry`; 0 otherwise.
 
     Args:
@@ -84,13 +85,17 @@ def write_mcap(rover: Rover | xr.Dataset, run: xr.Dataset | Rover, file: str | P
                     ("/imu", IMU, False),
                     ("/odom", ODOMETRY, False),
                     ("/tf", TF, False),
+                    ("/tf_static", TF, True),
                 )
             }
 
             def send(topic: str, stamp: int, message: Any) -> None:
                 writer.write(topics[topic], stamp, store.serialize_cdr(message, topics[topic].msgtype))
 
-            send("/robot_description", int(stamps[0]), make.String(data=f"{to_urdf(rover)}<!-- {SOURCE} -->\n"))
+            urdf = to_urdf(rover)
+            send("/robot_description", int(stamps[0]), make.String(data=f"{urdf}<!-- {SOURCE} -->\n"))
+            fixed = [make.transform(int(stamps[0]), *joint) for joint in _fixed_joints(urdf)]
+            send("/tf_static", int(stamps[0]), make.TFMessage(transforms=fixed))
             for k in np.flatnonzero(known):
                 stamp = int(stamps[k])
                 now, speed = ({name: values[k] for name, values in table.items()} for table in (angle, rate))
@@ -110,6 +115,24 @@ def write_mcap(rover: Rover | xr.Dataset, run: xr.Dataset | Rover, file: str | P
             shutil.move(written, file)
         except OSError as error:
             raise RockerbogieError(f"cannot write {str(file)!r}: {error.strerror}") from None
+
+
+def _fixed_joints(urdf: str) -> list[tuple[str, str, Array, Array]]:
+    """Return parent, child, position and quaternion (x, y, z, w) of the fixed joints of a URDF."""
+    from xml.etree import ElementTree
+
+    from scipy.spatial.transform import Rotation
+
+    found = []
+    for joint in ElementTree.fromstring(urdf).findall("joint[@type='fixed']"):
+        origin = joint.find("origin")
+        at, angles = (
+            np.array((origin.get(name, "0 0 0") if origin is not None else "0 0 0").split(), dtype=float)
+            for name in ("xyz", "rpy")
+        )
+        ends = [str(element.get("link")) for element in (joint.find("parent"), joint.find("child")) if element is not None]
+        found.append((ends[0], ends[1], at, Rotation.from_euler("xyz", angles).as_quat()))
+    return found
 
 
 def _ordered(rover: object, run: object) -> tuple[Rover, xr.Dataset]:

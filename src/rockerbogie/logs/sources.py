@@ -13,7 +13,7 @@ from ..arrays import Array
 from ..errors import RockerbogieError
 from ..rover.model import Rover
 from ..tables import Table, find_unit
-from .channels import ATTITUDE, AXES, LOG_VARIABLES, LogReport, arrange_log, column_names
+from .channels import ATTITUDE, AXES, LOG_VARIABLES, LogReport, arrange_log, clock_of, column_names
 from .counters import replace_wild
 from .imu import CLOCK_SLACK, Imu
 from .names import match_columns
@@ -60,7 +60,7 @@ def from_table(table: Table, rover: Rover, names: Mapping[str, str], counts: flo
     if clock is not None and table.find(clock) is None:
         raise RockerbogieError(f"{table.file} has no column {clock!r}; it has {', '.join(sorted(listed))}")
     if clock is None:
-        clock = next((name for name in listed if name.lower() == "time"), None)
+        clock = clock_of(listed, table.file)
     if clock is None:
         for name in names:  # a name that is not there is the likelier slip
             if table.find(name) is None:
