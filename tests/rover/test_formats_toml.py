@@ -121,3 +121,16 @@ def test_every_key_is_explained() -> None:
 def test_names_with_quotes_come_back() -> None:
     rover = load_rover("curiosity").replace(name='a "quoted" \\ name\nön two lines')
     assert read_toml(to_toml(rover)).name == rover.name
+
+
+def test_torque_limit_of_the_motors_is_kept(tmp_path: Path) -> None:
+    """One for all, per axle, per wheel; not stated is inf, and is not written."""
+    rover = rb.load_rover("osr")
+    assert np.isinf(rover.wheel_torque).all()
+    assert "torque_n_m" not in to_toml(rover)
+    for given, full in ((3.7, [3.7] * 6), ([3.0, 4.0, 5.0], [3, 3, 4, 4, 5, 5]), ([1.0, 2, 3, 4, 5, 6], [1, 2, 3, 4, 5, 6])):
+        file = tmp_path / "rover.toml"
+        file.write_text(to_toml(rover.replace(wheel_torque=given)), encoding="utf-8")
+        np.testing.assert_array_equal(rb.load_rover(file).wheel_torque, full)
+    with pytest.raises(rb.RoverError, match="wheel_torque is -1 N m; give limits above 0"):
+        rover.replace(wheel_torque=-1.0)

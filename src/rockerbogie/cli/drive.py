@@ -178,7 +178,8 @@ def simulate(
     friction
         Coefficient of sliding friction between wheels and terrain.
     torque
-        Torque limit of each hub motor, N·m. Default: 0.4 times weight times wheel radius, as the JPL Open Source Rover's motors.
+        Torque limit of each hub motor, N·m. Default: torque_n_m of the rover file; without it, 0.4 times weight times wheel
+        radius, as the JPL Open Source Rover's motors.
     linear
         Bilinear or smooth cubic terrain between the nodes. Default: cubic for files.
     output

@@ -46,6 +46,8 @@ class RoverFields(Protocol):
     @property
     def wheel_width(self) -> Array: ...
     @property
+    def wheel_torque(self) -> Array: ...
+    @property
     def rocker_limits(self) -> Array: ...
     @property
     def bogie_limits(self) -> Array: ...
@@ -115,6 +117,7 @@ def _check_lengths(rover: RoverFields, check: _Check) -> None:
         check(bool(np.isfinite(getattr(rover, label)).all()), f"{label} holds a value that is not finite")
     check(bool((rover.wheel_radius > 0).all()), f"wheel_radius is {rover.wheel_radius.min():g} m; give one above 0")
     check(bool((rover.wheel_width >= 0).all()), f"wheel_width is {rover.wheel_width.min():g} m; give 0 or more")
+    check(bool((rover.wheel_torque > 0).all()), f"wheel_torque is {rover.wheel_torque.min():g} N m; give limits above 0")
     left, right = rover.hubs[::2, 1], rover.hubs[1::2, 1]
     check(bool((left > right).all()), "a left hub is not to the left (greater y) of its right one: y points left")
     arm = np.hypot(*(rover.bogie_pivot - rover.rocker_pivot)[:, [0, 2]].T)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from html import escape
 from typing import Any, Literal
@@ -69,6 +69,7 @@ class Rover:
     wheels: tuple[Link, ...]
     wheel_names: tuple[str, ...]
     source: str = ""
+    wheel_torque: Array = field(default_factory=lambda: np.full(6, np.inf))  # (6,) limit of the hub motors, N m; inf: not known
 
     def __post_init__(self) -> None:
         self._freeze()
@@ -79,8 +80,8 @@ class Rover:
 
     def _freeze(self) -> None:
         """Make every array read-only; unpickled arrays are writable."""
-        for field in fields(self):
-            object.__setattr__(self, field.name, frozen(getattr(self, field.name)))
+        for one in fields(self):
+            object.__setattr__(self, one.name, frozen(getattr(self, one.name)))
 
     def __repr__(self) -> str:
         low, high = float(self.wheel_radius.min()), float(self.wheel_radius.max())
@@ -124,6 +125,7 @@ class Rover:
         wheels: Sequence[Link] | None = None,
         wheel_names: Sequence[str] | None = None,
         source: str = "",
+        wheel_torque: ArrayLike = np.inf,
     ) -> Rover:
         """Return a rover from the positions of its joints and hubs.
 
@@ -142,6 +144,7 @@ class Rover:
             body, rockers, bogies, wheels: links whose own masses are known; the others are shared as above.
             wheel_names: six names in wheel order. Default: by position, LF, RM, ...
             source: origin of the numbers.
+            wheel_torque: torque limit of the hub motors, as `wheel_radius`, N·m; inf where it is not known. `simulate` uses it.
 
         Returns:
             The rover.
@@ -184,6 +187,7 @@ class Rover:
             wheels=tuple(wheels or links[3]),
             wheel_names=tuple(wheel_names or arguments.wheel_names(hub)),
             source=source,
+            wheel_torque=arguments.per_wheel("wheel_torque", wheel_torque),
         )
         check_rover(rover)
         return rover
@@ -371,7 +375,7 @@ def _full(name: str, value: Any) -> Any:
         return arguments.sides(name, value)
     if name == "hubs":
         return arguments.hubs(value)
-    if name in ("wheel_radius", "wheel_width"):
+    if name in ("wheel_radius", "wheel_width", "wheel_torque"):
         return arguments.per_wheel(name, value)
     if name == "steers":
         return arguments.per_wheel(name, value) > 0.5

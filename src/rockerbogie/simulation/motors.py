@@ -28,8 +28,9 @@ def torque_limits(rover: Rover, torque: ArrayLike | None = None) -> Array:
     """Return the torque limit of each hub motor.
 
     Args:
-        rover: its mass and wheel radii give the default, `TORQUE_SHARE` m g r.
-        torque: a number or (6,), N·m, above 0. None: the default.
+        rover: its `wheel_torque` is used where `torque` is not given. Where that is inf, its mass and wheel radius give the
+            default, `TORQUE_SHARE` m g r.
+        torque: a number or (6,), N·m, above 0, or None.
 
     Returns:
         (6,) N·m.
@@ -38,7 +39,8 @@ def torque_limits(rover: Rover, torque: ArrayLike | None = None) -> Array:
         RockerbogieError: a torque that is no number above 0, or of another shape.
     """
     if torque is None:
-        return TORQUE_SHARE * rover.mass * GRAVITY * rover.wheel_radius
+        usual = TORQUE_SHARE * rover.mass * GRAVITY * rover.wheel_radius
+        return np.where(np.isfinite(rover.wheel_torque), rover.wheel_torque, usual)
     try:
         limits = np.asarray(torque, dtype=float)
     except (TypeError, ValueError):

@@ -47,6 +47,7 @@ KEYS = (
     Key("", "grade", "text", "A: the maker's numbers; B: an independent model's; C: partly estimated"),
     Key("wheels", "radius_m", "per-wheel", "radius over the tread: a number, 3 (a pair each) or 6 (each wheel)"),
     Key("wheels", "width_m", "per-wheel", "width of the tread; 0 is a thin disc"),
+    Key("wheels", "torque_n_m", "per-wheel", "torque limit of the hub motors, for the simulation; left out: not known"),
     Key("wheels", "steers", "bools", "which wheels steer: true or false, 3 (a pair each) or 6 (each wheel)"),
     Key("wheels", "names", "texts", "six short names in wheel order"),
     Key("linkage", "rocker_pivot_m", "3|2x3", "the rocker's pivot on the body"),

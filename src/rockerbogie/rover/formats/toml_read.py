@@ -23,6 +23,7 @@ ARGUMENTS = {
     "source": "source",
     "wheels.radius_m": "wheel_radius",
     "wheels.width_m": "wheel_width",
+    "wheels.torque_n_m": "wheel_torque",
     "wheels.steers": "steers",
     "wheels.names": "wheel_names",
     "linkage.rocker_pivot_m": "rocker_pivot",

@@ -15,6 +15,7 @@ from .toml_keys import KEYS, LINKS, TABLES, Key
 EXAMPLES = {
     "title": '"..."',
     "grade": '"C"',
+    "wheels.torque_n_m": "3.7",
     "differential.ratio": "1.0",
     "differential.bar_pivot_m": "[0.0, 1.1]",
     "differential.bar_end_m": "[0.0, 0.8, 1.1]",
@@ -70,6 +71,8 @@ def _values(rover: Rover) -> dict[str, str]:
     }
     if rover.source:
         values["source"] = json.dumps(rover.source, ensure_ascii=False)
+    if np.isfinite(rover.wheel_torque).all():
+        values["wheels.torque_n_m"] = _list(_alike(rover.wheel_torque))
     if rover.steering_offset.any():
         values["linkage.steering_offset_m"] = _list(_one_side(rover.steering_offset))
     for joint, stops in (("rocker", rover.rocker_limits), ("bogie", rover.bogie_limits)):
