@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+import warnings
+
 import mujoco
 import numpy as np
 import pytest
@@ -72,16 +75,45 @@ def test_a_steep_slope_with_enough_friction_is_climbed(degrees: float, friction:
     assert run.attrs["wheel_rate_error_share"] < 0.02
 
 
-@pytest.mark.parametrize("name", ["osr", "curiosity"])
-def test_a_commanded_circle_closes(name: str) -> None:
-    """Open loop, friction 1: the circle closes within 1 % of its length."""
+def circle(name: str) -> tuple[rb.Rover, float, float, xr.Dataset]:
+    """Drive a circle of 2.5 wheelbases open loop; return rover, radius, speed and run."""
     rover = rb.load_rover(name)
-    radius = 2.5 * rover.wheelbase
+    radius, speed = 2.5 * rover.wheelbase, 0.1 * rover.wheelbase
     flat = rb.Terrain.from_array(np.zeros((60, 60)), radius / 6, (-5 * radius, -5 * radius), "linear")
     path = rb.Path.arc((0, -radius), 0.0, radius, 2 * np.pi)
-    plan = rb.drive(rover, flat, path, 0.1 * rover.wheelbase, step=path.length / 200)
-    run = rb.simulate(rover, flat, path, commands=plan, interval=0.5, friction=1.0)
-    assert travelled(run) < 0.01 * path.length
+    found = rb.wheel_commands(rover, rb.settle(rover, flat, 0.0, -radius, 0.0), rb.arc(rover, speed, radius))
+    table = {"wheel_rate": found.wheel_rates, "steering": found.steering}
+    commands = xr.Dataset(
+        {k: (("time", "wheel"), np.tile(v, (2, 1))) for k, v in table.items()}, {"time": [0.0, path.length / speed]}
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # also in attrs["warnings"]
+        return rover, radius, speed, rb.simulate(rover, flat, path, commands=commands, interval=0.5, friction=1.0)
+
+
+@pytest.mark.parametrize("name", ["osr", "curiosity", "sawppy"])
+def test_a_commanded_circle_closes(name: str) -> None:
+    """Wheels that do not steer share an axle line: the circle closes within 1 % of its length."""
+    _, radius, _, run = circle(name)
+    assert travelled(run) < 0.01 * 2 * np.pi * radius
+    assert run.attrs["warnings"] == ""
+
+
+@pytest.mark.parametrize("name", ["rocky7", "elhami-dashti"])
+def test_a_circle_that_needs_slip_is_reported(name: str) -> None:
+    """Two fixed axle lines d apart slip by ±d/2 times the yaw rate at least: plane geometry."""
+    rover, radius, speed, run = circle(name)
+    assert "cannot be driven without slip" in run.attrs["warnings"]
+    x = rover.hubs[~rover.steers, 0]
+    least = np.sqrt(((x - x.mean()) ** 2).sum() / 6) * speed / radius  # RMS over six wheels if the others roll
+    stated = float(re.search(r"by about ([\d.]+) mm/s", run.attrs["warnings"])[1]) * 1e-3
+    assert 0.5 * least < stated < 1.05 * least, "least squares shares the slip among all wheels"
+    late = run.isel(time=slice(20, -5))
+    side, turn = late["side_slip"].to_numpy()[:, ~rover.steers], late["wz"].to_numpy()
+    apart = side[:, 2:].mean(axis=1) - side[:, :2].mean(axis=1)  # m/s between the axle lines; NaN if a wheel is off the ground
+    assert np.nanmedian(apart / turn) == pytest.approx(x[2:].mean() - x[:2].mean(), rel=0.05), "m: a rigid body's plane motion"
+    late = late.mean("time")
+    assert 0.85 * speed / radius < float(late["wz"]) < speed / radius, "it turns less than commanded"
 
 
 def test_motors_at_their_limit_stall_and_are_reported() -> None:
@@ -121,6 +153,8 @@ def test_the_default_torque_is_the_open_source_rovers() -> None:
     rover = rb.load_rover("curiosity")
     np.testing.assert_allclose(torque_limits(rover), TORQUE_SHARE * rover.mass * GRAVITY * rover.wheel_radius)
     np.testing.assert_array_equal(torque_limits(rover, 300.0), 300.0)
+    np.testing.assert_array_equal(torque_limits(rover.replace(wheel_torque=200.0)), 200.0)
+    np.testing.assert_array_equal(torque_limits(rover.replace(wheel_torque=200.0), 300.0), 300.0)
 
 
 def rolling(degrees: float, seconds: float, name: str = "curiosity") -> tuple[Rig, np.ndarray]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,6 +30,10 @@ Array = NDArray[np.float64]
 LIFTED_GAP = 1e-3
 #: Rate errors are means over this time, and start after it, s: the wheels first have to accelerate.
 TRACKING_TIME = 1.0
+#: Commands that need a larger side slip, as a share of the wheels' speed, cannot be driven as they are.
+NEEDED_SLIP = 0.02
+#: Wheels share an axle line if their hubs are this close in x, as a share of the wheelbase.
+ONE_LINE = 0.05
 #: A motor whose torque exceeds this share of its limit is at the limit.
 AT_LIMIT = 0.999
 
@@ -152,6 +157,35 @@ def predicted_slip(rover: Rover, run: xr.Dataset) -> dict[str, tuple[tuple[str, 
         )
         for k, (name, way) in enumerate(names.items())
     }
+
+
+def warn_of_slip(rover: Rover, run: xr.Dataset) -> list[str]:
+    """Warn if the commands of a run need side slip: no motion lets all wheels roll.
+
+    Args:
+        rover: the rover.
+        run: simulated run with `side_slip_predicted`.
+
+    Returns:
+        The warning, or no warning.
+    """
+    side = run["side_slip_predicted"].to_numpy()
+    rim = np.sqrt(np.mean((rover.wheel_radius * run["wheel_rate_command"].to_numpy()) ** 2))
+    needed = float(np.sqrt(np.nanmean(side**2)))
+    if not needed > NEEDED_SLIP * rim:
+        return []
+    fixed = np.unique(np.round(rover.hubs[~rover.steers, 0], 3))
+    if len(fixed) and np.ptp(fixed) > ONE_LINE * rover.wheelbase:
+        lines = ", ".join(f"{x:g}" for x in fixed)
+        why = f"Its wheels that do not steer lie on several axle lines (x = {lines} m), so that no turn is free of slip"
+    else:
+        why = "The axles do not meet in one centre of turn: `wheel_commands` for the twist of `arc` gives angles that do"
+    text = (
+        f"these commands cannot be driven without slip: the wheels of {rover.name!r} slip sideways by about {1e3 * needed:.3g} "
+        f"mm/s ({100 * needed / rim:.2g} % of their speed, RMS); expect it to turn less than commanded. {why}"
+    )
+    warnings.warn(text, stacklevel=3)
+    return [text]
 
 
 def _slip(rover: Rover, axle: Array, got: dict[str, Array]) -> dict[str, Array]:

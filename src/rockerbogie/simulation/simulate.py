@@ -22,7 +22,7 @@ from ..settling.status import Status
 from ..terrain.heightfield import Terrain
 from .drivers import Driver, command_driver, path_driver
 from .height_field import Region
-from .measurement import measured_run, predicted_slip
+from .measurement import measured_run, predicted_slip, warn_of_slip
 from .mjcf import build_spec
 from .motors import torque_limits
 from .rigid_body import Rig
@@ -66,7 +66,8 @@ def simulate(
         speed: horizontal speed along the path, m/s, above 0.
         interval: time between records, s; rounded to a multiple of `CONTROL_PERIOD`.
         friction: coefficient of sliding friction between wheels and terrain.
-        torque: torque limit of the hub motors, a number or (6,), N·m. Default: 0.4 m g r (`motors.TORQUE_SHARE`).
+        torque: torque limit of the hub motors, a number or (6,), N·m. Default: the rover's `wheel_torque`; where
+            that is not known, 0.4 m g r (`motors.TORQUE_SHARE`).
         load_sharing: trim the wheel rates, by 10 % at most, so that the six torques become more equal. Without it, wheels whose
             rates do not agree exactly work against each other up to the friction limit. Recorded commands are never trimmed.
         commands: play these instead, open loop, from the path's start until they end: a Dataset with `wheel_rate`, rad/s, and
@@ -80,7 +81,8 @@ def simulate(
         body's twist in its own frame, and the rest of `measurement.EXTRA`. The run ends early if the rover tips over or leaves
         the map.
         Attributes: `short_of_end` is the distance of the last position from the path's end, m; `wheel_rate_error`,
-        `wheel_rate_error_share`, `torque_limited` and `torque_limit` describe the motors (`measurement.tracking`).
+        `wheel_rate_error_share`, `torque_limited` and `torque_limit` describe the motors (`measurement.tracking`). With
+        `commands`, `warnings` states if they cannot be driven without slip; a UserWarning does so too.
 
     Raises:
         PathError: the rover does not settle at the path's start; the path leaves terrain with data; a speed that is not above 0.
@@ -99,7 +101,8 @@ def simulate(
         start = _settled_start(rover, terrain, path)
         what = f"{duration:g} s of commands from the start of: {path.description}"
         run = _simulate(start, path, driver, duration, travel, what, **settings)  # type: ignore[arg-type]
-        return run.assign(predicted_slip(rover, run))
+        run = run.assign(predicted_slip(rover, run))
+        return run.assign_attrs(warnings="\n".join(warn_of_slip(rover, run)))
     if not (_is_number(speed) and speed > 0):
         raise PathError(f"speed is {speed!r:.60} m/s; give one above 0 (to drive backwards, give a path whose yaw points back)")
     return simulate_plan(rover, terrain, path, drive(rover, terrain, path, speed), load_sharing=load_sharing, **settings)  # type: ignore[arg-type]
