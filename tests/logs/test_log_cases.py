@@ -206,7 +206,7 @@ def test_wrong_signs_are_reported_and_corrected_by_an_option(tmp_path):
 # -- encoders ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("counts", "hz"), [(360, 100), (360, 10), (720, 50), (4096, 50)])
+@pytest.mark.parametrize(("counts", "hz"), [(96, 100), (360, 200), (360, 10), (720, 50), (4096, 50)])
 @pytest.mark.parametrize("sensors", ["all", "imu", "suspension", "none"])
 def test_length_does_not_depend_on_counts_or_rate(counts, hz, sensors):
     track = rb.odometry(

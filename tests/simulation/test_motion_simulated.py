@@ -50,6 +50,11 @@ def test_odometry_over_rocks():
     assert blind < 2.0
     assert mapped < 1.5
     assert flat > 1.5 * blind
+    for log in (run, run.drop_vars(["rocker", "bogie"])):
+        track = rb.odometry(rover, log, start=start)
+        error = np.array([float(track[k][-1]) for k in "xyz"]) - place[-1]
+        P = track["pose_covariance"][-1].to_numpy()[:3, :3]
+        assert 0.02 < error @ np.linalg.solve(P, error) < 11.34, "chi-square of 3 degrees of freedom, 99 %"
 
 
 def test_slip_over_rocks_equals_that_of_mujoco(mars):

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 #: Rates and positions of wheels agree if their ratio is within this range.
 SAME_RATE = (0.9, 1.1)
+#: Rocker and bogies are doubtful if they stand further from rest than this for half of a log, rad.
+USUAL_ANGLE = np.radians(20)
 
 
 def read_log(
@@ -259,6 +261,8 @@ def _stacked(name: str, source: Source, rover: Rover, time: Array, straight: boo
         if outside > 1.0 or (gaps and max(gaps) > 1.0 and len(own) < 0.9 * len(time)):
             report.warn(f"{head} is missing for {max([outside, *gaps]):.3g} s; there it is taken to hold its value")
     found = np.stack(parts, axis=-1)
+    if name in ("rocker", "bogie") and (usual := float(np.nanmedian(np.abs(found)))) > USUAL_ANGLE:
+        report.warn(f"{name} stands at {np.degrees(usual):.0f}° for half of the log: check its unit (degrees?) and its zero")
     return found if dims else found[:, 0]
 
 

@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 SLIP_LENGTH, SLIP_TIME = 0.5, 10.0
 #: Error of a measured attitude (roll, pitch, yaw), rad, and slip common to all wheels, relative to the distance.
 ATTITUDE_SIGMA, COMMON_SLIP = (0.01, 0.01, 0.02), 0.005
+#: Error of the level start where no attitude is measured, rad. Error of the length, as a share of the way, without an
+#: attitude and without suspension sensors: the wheels roll over rocks on a longer way than the body. Set from simulated drives.
+START_TILT, NO_ATTITUDE, NO_SUSPENSION = 0.05, 0.02, 0.025
 
 TWIST, POSE = ("vx", "vy", "vz", "wx", "wy", "wz"), ("x", "y", "z", "about_x", "about_y", "about_z")
 
@@ -64,7 +67,7 @@ def pose_covariance(rover: Rover, s: Readings, T: Array, motion: Motion) -> Arra
     """Return the covariance of position and rotation along the track, to first order.
 
     Errors of the twist are correlated over `SLIP_LENGTH`; a measured attitude has a constant error `ATTITUDE_SIGMA`; all
-    wheels share a slip of `COMMON_SLIP`.
+    wheels share a slip of `COMMON_SLIP`. Without an attitude or suspension sensors, the start and the length are uncertain too.
 
     Args:
         s: readings, with n intervals.
@@ -89,7 +92,8 @@ def pose_covariance(rover: Rover, s: Readings, T: Array, motion: Motion) -> Arra
     fixed = np.concatenate([np.ones(3), ~measured])
     Q *= fixed[:, None] * fixed
     P = np.zeros((n + 1, 6, 6))
-    P[0, 3:, 3:] = np.diag(np.where(measured, np.square(ATTITUDE_SIGMA), 0.0))
+    start = np.where(measured, ATTITUDE_SIGMA, (START_TILT, START_TILT, 0.0))  # the start defines the heading
+    P[0, 3:, 3:] = np.diag(start**2)
     step = np.diff(T[:, :3, 3], axis=0)
     F = np.tile(np.eye(6), (n, 1, 1))
     F[:, 0, 4], F[:, 0, 5], F[:, 1, 5] = step[:, 2], -step[:, 1], step[:, 0]  # -[step]x
@@ -97,7 +101,9 @@ def pose_covariance(rover: Rover, s: Readings, T: Array, motion: Motion) -> Arra
     for k in range(n):
         P[k + 1] = F[k] @ P[k] @ F[k].T + Q[k]
     moved = T[:, :3, 3] - T[0, :3, 3]
-    P[:, :3, :3] += COMMON_SLIP**2 * moved[:, :, None] * moved[:, None, :]
+    joints = "rocker_rate" in s.measured and "bogie_rates" in s.measured
+    shared = COMMON_SLIP**2 + (0.0 if s.lean is not None else NO_ATTITUDE**2) + (0.0 if joints else NO_SUSPENSION**2)
+    P[:, :3, :3] += shared * moved[:, :, None] * moved[:, None, :]
     return P
 
 
