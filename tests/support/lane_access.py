@@ -47,7 +47,8 @@ def _access(name: str, functions: dict[str, ast.FunctionDef], done: dict[str, Ac
     if name in done:
         return done[name]
     node, module = functions[name], name.split(".")[0]
-    parameters = {arg.arg for arg in node.args.args} - {"lanes", "i", "l", "columns", "lines", "count", "rounds", "wheels"}
+    numbers = {"lanes", "i", "l", "side", "columns", "lines", "count", "rounds", "wheels"}
+    parameters = {arg.arg for arg in node.args.args} - numbers
     aliases: dict[str, set[str]] = {}
     result = done[name] = Access(set(), set())
 

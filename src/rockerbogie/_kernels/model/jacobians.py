@@ -13,45 +13,45 @@ from .sincos import FAR, sincos
 
 Array = NDArray[np.float64]
 
-#: Angles of a pose that want a sine: both rockers, both bogies' links, steering and contact of six wheels.
-ARM, HANG, TURN, TOUCH, ANGLES = 0, 2, 4, 10, 16
+Vector = tuple[float, float, float]
+Slips = tuple[float, float, float, float]
+
+#: Angles of a pose whose sines are computed: both rockers, both bogies' links, steering and contact of six wheels.
+ARM, BOGIE, TURN, TOUCH, ANGLES = 0, 2, 4, 10, 16
 BLOCK = 8  # poses whose sines are taken together
 
 
 @inlined
-def _row(
-    J: Array, k: int, i: int, row: int, rocker: float, left: float, right: float, steering: float,
-    wheel: float, roll: float, side: float, turn: float, contact: float,
-) -> None:  # fmt: skip
+def _row(J: Array, k: int, i: int, row: int, joints: tuple[float, float, float, float], wheel: float, slips: Slips) -> None:
     """Write one component of a wheel's twist, by `JACOBIAN_COLUMNS`.
 
     Args:
         J: (n, 6, 6, 9) Jacobians; 9 values are written.
         k, i, row: pose, wheel and twist component.
-        rocker, left, right, steering, wheel, roll, side, turn, contact: the component per unit of each rate.
+        joints: the component per unit of each rate of rocker, left and right bogie, and steering.
+        wheel: the same of the wheel.
+        slips: the same of roll, side and turn slip and of the contact angle.
     """
+    rocker, left, right, steering = joints
+    roll, side, turn, contact = slips
     J[k, i, row, 0], J[k, i, row, 1], J[k, i, row, 2], J[k, i, row, 3] = rocker, left, right, steering
     J[k, i, row, 4], J[k, i, row, 5], J[k, i, row, 6], J[k, i, row, 7], J[k, i, row, 8] = wheel, roll, side, turn, contact
 
 
 @inlined
-def _frame(
-    T: Array, k: int, i: int, xx: float, xy: float, xz: float, yx: float, yy: float, yz: float,
-    zx: float, zz: float, px: float, py: float, pz: float,
-) -> None:  # fmt: skip
-    """Write the axle's directions and position in the body.
+def _frame(T: Array, k: int, i: int, x: Vector, y: Vector, z: tuple[float, float], hub: Vector) -> None:
+    """Write the axle frame of a wheel in the body.
 
     Args:
         T: (n, 6, 4, 4) frames; 16 values are written.
         k, i: pose and wheel.
-        xx, xy, xz: the axle frame's x.
-        yx, yy, yz: its y, along the axle.
-        zx, zz: its z, which lies in the link's plane.
-        px, py, pz: m, the hub.
+        x, y: its x axis, and its y axis, along the axle.
+        z: x and z of its z axis, which lies in the link's plane.
+        hub: m, its origin.
     """
-    T[k, i, 0, 0], T[k, i, 0, 1], T[k, i, 0, 2], T[k, i, 0, 3] = xx, yx, zx, px
-    T[k, i, 1, 0], T[k, i, 1, 1], T[k, i, 1, 2], T[k, i, 1, 3] = xy, yy, 0.0, py
-    T[k, i, 2, 0], T[k, i, 2, 1], T[k, i, 2, 2], T[k, i, 2, 3] = xz, yz, zz, pz
+    T[k, i, 0, 0], T[k, i, 0, 1], T[k, i, 0, 2], T[k, i, 0, 3] = x[0], y[0], z[0], hub[0]
+    T[k, i, 1, 0], T[k, i, 1, 1], T[k, i, 1, 2], T[k, i, 1, 3] = x[1], y[1], 0.0, hub[1]
+    T[k, i, 2, 0], T[k, i, 2, 1], T[k, i, 2, 2], T[k, i, 2, 3] = x[2], y[2], z[1], hub[2]
     T[k, i, 3, 0], T[k, i, 3, 1], T[k, i, 3, 2], T[k, i, 3, 3] = 0.0, 0.0, 0.0, 1.0
 
 
@@ -70,12 +70,11 @@ def wheel_jacobians_batch(
     rover: Array, steers: NDArray[np.bool_], rocker: Array, bogie: Array, steering: Array, contact: Array,
     J: Array, frames: Array, start: int, stop: int,
 ) -> None:  # fmt: skip
-    """Compute wheel Jacobians, and wheel frames if asked for.
+    """Compute wheel Jacobians and, if `frames` has room, wheel frames.
 
-    A hinge along y at (x, ·, z) turns the body the other way: (z, 0, -x, 0, -1, 0). A slip goes along an axis of the
-    contact. A turn at
-    unit rate about the axis a through the point p is (p × a, a). The normal goes through the hub. The sines of a block of
-    poses are computed together, which is faster.
+    A hinge along y at (x, ·, z) turns the body the other way: (z, 0, -x, 0, -1, 0). A slip is along an axis of the contact. A
+    turn at unit rate about the axis a through the point p is (p × a, a). The normal passes through the hub. The sines of a
+    block of poses are computed together, which is faster.
 
     Args:
         rover: (P_SIZE,) packed rover.
@@ -96,7 +95,7 @@ def wheel_jacobians_batch(
             other, slope[lane] = right_rocker(rover, rocker[k])
             angle[at + ARM], angle[at + ARM + 1] = _near_zero(rocker[k]), _near_zero(other)
             for side in range(2):
-                angle[at + HANG + side] = _near_zero(angle[at + ARM + side] + bogie[k, side])
+                angle[at + BOGIE + side] = _near_zero(angle[at + ARM + side] + bogie[k, side])
             for i in range(6):
                 angle[at + TURN + i] = _near_zero(steering[k if steering.shape[0] > 1 else 0, i])
                 angle[at + TOUCH + i] = _near_zero(contact[k, i])
@@ -113,7 +112,7 @@ def wheel_jacobians_batch(
                 )
                 ca, sa = cosine[at + ARM + side], sine[at + ARM + side]
                 kx, ky, kz = px + ca * dx + sa * dz, py + dy, pz - sa * dx + ca * dz
-                cb, sb = cosine[at + HANG + side], sine[at + HANG + side]
+                cb, sb = cosine[at + BOGIE + side], sine[at + BOGIE + side]
                 for group in range(3):
                     i = 2 * group + side
                     if group == 0:
@@ -140,11 +139,11 @@ def wheel_jacobians_batch(
                     r = rover[P_RADIUS + i]
                     tx, ty, tz = hy * zz - hz * zy, hz * zx - hx * zz, hx * zy - hy * zx  # h × z, and h × -y
                     ux, uy, uz = hz * yy - hy * yz, hx * yz - hz * yx, hy * yx - hx * yy
-                    _row(J, k, i, 0, pz * rate, lz, rz, sy * wz, r * xx, xx, yx, tx, ux)
-                    _row(J, k, i, 1, 0.0, 0.0, 0.0, sz * wx - sx * wz, r * xy, xy, yy, ty, uy)
-                    _row(J, k, i, 2, -px * rate, 0.0 - lx, 0.0 - rx, -sy * wx, r * xz, xz, yz, tz, uz)
-                    _row(J, k, i, 3, 0.0, 0.0, 0.0, wx, 0.0, 0.0, 0.0, zx, -yx)
-                    _row(J, k, i, 4, -rate, 0.0 - left, 0.0 - right, 0.0, 0.0, 0.0, 0.0, zy, -yy)
-                    _row(J, k, i, 5, 0.0, 0.0, 0.0, wz, 0.0, 0.0, 0.0, zz, -yz)
+                    _row(J, k, i, 0, (pz * rate, lz, rz, sy * wz), r * xx, (xx, yx, tx, ux))
+                    _row(J, k, i, 1, (0.0, 0.0, 0.0, sz * wx - sx * wz), r * xy, (xy, yy, ty, uy))
+                    _row(J, k, i, 2, (-px * rate, 0.0 - lx, 0.0 - rx, -sy * wx), r * xz, (xz, yz, tz, uz))
+                    _row(J, k, i, 3, (0.0, 0.0, 0.0, wx), 0.0, (0.0, 0.0, zx, -yx))
+                    _row(J, k, i, 4, (-rate, 0.0 - left, 0.0 - right, 0.0), 0.0, (0.0, 0.0, zy, -yy))
+                    _row(J, k, i, 5, (0.0, 0.0, 0.0, wz), 0.0, (0.0, 0.0, zz, -yz))
                     if frames.shape[0] > 0:
-                        _frame(frames, k, i, ax, ay, az, yx, yy, yz, sl, cl, hx, hy, hz)
+                        _frame(frames, k, i, (ax, ay, az), (yx, yy, yz), (sl, cl), (hx, hy, hz))

@@ -20,8 +20,11 @@ SMALLEST_PART = 1e-6  # of a cell or an edge: parts are not divided below it; th
 
 # Solvers
 FINAL_GAP = 1e-9  # m: a gap after the last step
+CONVERGED_GAP = 1e-10  # m: every gap at convergence of contact mode
+SEARCH_GAP = 1e-5  # m: from this gap on, the whole tread is searched at each Newton step
 CONTACT_GAP = 1e-6  # m: a gap up to this is a contact that can carry a force
 MAX_STEP_ANGLE = 0.3  # rad: longest Newton step
+MAX_ANGLE = 1.4  # rad: a pose with a greater roll, pitch or joint angle is a folded linkage and is refused
 MAX_ROCKER_ANGLE = 1.6  # rad: no rocker of a settled rover is turned further
 LIMIT_MARGIN = 1e-8  # rad: a joint closer to its limit is moved to it
 MAX_RESIDUAL = 1e-3  # of the weight (times 1 m for moments): contact forces that leave more do not hold the rover

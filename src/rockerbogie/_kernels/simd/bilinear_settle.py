@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit.decorators import fma_njit, inlined, njit
-from ..model.ground import META_DX, META_DY, META_NX, META_NY, Ground
+from ..model.ground import META_DX, META_DY, Ground
 from ..model.linkage import P_HALF, P_HUB, P_PIVOT, P_RADIUS
-from ..model.tolerances import GAP_TIE
-from ..solve.newton import NEARLY, TOLERANCE, WIDEST
-from .cells import corners, no_gap, set_home
-from .layout import BILINEAR, CELL, CONTACT, LANES, LOWEST, POSE, RIM, SIDE, SPOT, WHEEL
+from ..model.tolerances import CONVERGED_GAP, MAX_ANGLE, SEARCH_GAP
+from .bilinear_contacts import sample_tread, store_contact, terrain_at_spots
+from .cells import no_gap, set_home
+from .layout import BILINEAR, CELL, CONTACT, LANES, LOWEST, POSE, RIM, SIDE, SPOT
 from .linkage import gap_jacobian, place_body, place_wheels, solve_step, take_step
 from .rim_search import search_rims, track_rims
 from .tread_nodes import nodes_under, set_treads, take_heights
@@ -30,7 +30,7 @@ SEARCHING, SETTLED, FAILED = 0.0, 1.0, 2.0  # states of a lane
 
 TRACKING_STEPS = 4  # Newton steps on tracked contacts, at most, before the next search
 
-# Points of a tread that are evaluated first: under the hub, and around it.
+# Points of a tread at which the gap is evaluated for the first step.
 _AHEAD = (0.0, 0.5, -0.5, 0.85, -0.85)
 SINES = tuple(sine for sine in _AHEAD for _ in range(3))
 COSINES = tuple(math.sqrt(1.0 - sine * sine) for sine in SINES)
@@ -40,7 +40,7 @@ SAMPLES = len(SINES)
 
 @inlined
 def start(lanes: Array, grid: Array, meta: Array, rover: Array) -> None:
-    """Place the poses level over the terrain, and take one Newton step.
+    """Set the poses to horizontal over the terrain, and take one Newton step.
 
     For that step, treads are sampled at a few points.
 
@@ -94,133 +94,6 @@ def start(lanes: Array, grid: Array, meta: Array, rover: Array) -> None:
     take_step(lanes)
 
 
-@fma_njit
-def sample_tread(lanes: Array, rover: Array, i: int, sine: float, cosine: float, s: float) -> None:
-    """Compute one point of each tread of wheel i.
-
-    Args:
-        lanes: the lane array (`layout`).
-        rover: the packed rover.
-        i: index of the wheel.
-        sine: sin φ.
-        cosine: cos φ.
-        s: position along the axle, m.
-
-    Reads:  POSE.x, POSE.y, POSE.q, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz
-    Writes: SPOT.x, SPOT.y, SPOT.z
-    """
-    i = min(max(i, 0), 5)
-    u, q = rover[P_RADIUS + i] * sine, rover[P_RADIUS + i] * cosine
-    for l in range(LANES):
-        k = i * LANES + l
-        vx, vy, az, uz = lanes[WHEEL.vx + k], lanes[WHEEL.vy + k], lanes[WHEEL.az + k], lanes[WHEEL.uz + k]
-        along = s * uz + q * az
-        lanes[SPOT.x + l], lanes[SPOT.y + l] = (
-            lanes[POSE.x + l] + lanes[WHEEL.ox + k] + u * vy + along * vx,
-            lanes[POSE.y + l] + lanes[WHEEL.oy + k] + along * vy - u * vx,
-        )
-        lanes[SPOT.z + l] = lanes[POSE.q + l] + lanes[WHEEL.oz + k] + s * az - q * uz
-
-
-@fma_njit
-def terrain_at_spots(lanes: Array, grid: Array, meta: Array) -> None:
-    """Compute the height of the terrain at (SPOT.x, SPOT.y).
-
-    Args:
-        lanes: the lane array (`layout`).
-        grid: node heights (bilinear) or spline coefficients (cubic), m.
-        meta: the map header.
-
-    Reads:  CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, HOME (all), SPOT.x, SPOT.y
-    Writes: CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, SPOT.h
-    """
-    over_x, over_y = 1.0 / meta[META_DX], 1.0 / meta[META_DY]
-    for l in range(LANES):
-        lanes[CELL.col + l], lanes[CELL.row + l] = np.floor(lanes[SPOT.x + l] * over_x), np.floor(lanes[SPOT.y + l] * over_y)
-    corners(lanes, grid, meta)
-    for l in range(LANES):
-        u, v = lanes[SPOT.x + l] * over_x - lanes[CELL.col + l], lanes[SPOT.y + l] * over_y - lanes[CELL.row + l]
-        low, high = (
-            lanes[CELL.h00 + l] + u * (lanes[CELL.h01 + l] - lanes[CELL.h00 + l]),
-            lanes[CELL.h10 + l] + u * (lanes[CELL.h11 + l] - lanes[CELL.h10 + l]),
-        )
-        lanes[SPOT.h + l] = low + v * (high - low)
-
-
-@fma_njit
-def store_contact(lanes: Array, meta: Array, rover: Array, i: int, width: float, least: float) -> None:
-    """Store the contact found for wheel i, in lanes whose POSE.active is at least `least`.
-
-    Nearer to the tread's middle than `width`, the contact's slope is the tread's, else the terrain's.
-
-    Args:
-        lanes: the lane array (`layout`).
-        meta: the map header.
-        rover: the packed rover.
-        i: index of the wheel.
-        width: distance from the middle, m.
-        least: 0: all lanes. 1: active lanes.
-
-    Reads:  POSE.x, POSE.y, POSE.active, WHEEL.ox, WHEEL.oy, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz, CONTACT.sine,
-            CONTACT.cosine, CONTACT.offset, CONTACT.gx, CONTACT.gy, CONTACT.gap, LOWEST (all), BILINEAR.col, BILINEAR.row,
-            BILINEAR.rejected
-    Writes: CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.tx, CONTACT.ty, CONTACT.tz, CONTACT.gx, CONTACT.gy,
-            CONTACT.gap, BILINEAR.col, BILINEAR.row, BILINEAR.rejected
-    """
-    i = min(max(i, 0), 5)
-    radius = rover[P_RADIUS + i]
-    half = rover[P_HALF + i]
-    reach = radius + half
-    end_x, end_y = (meta[META_NX] - 1.0) * meta[META_DX], (meta[META_NY] - 1.0) * meta[META_DY]
-    for l in range(LANES):
-        k = i * LANES + l
-        sine, cosine, offset, gap, kept = (
-            lanes[LOWEST.sine + l],
-            lanes[LOWEST.cosine + l],
-            lanes[LOWEST.offset + l],
-            lanes[LOWEST.gap + l],
-            lanes[POSE.active + l] < least,
-        )
-        was_sine, was_cosine, was_offset, was_gap, was_gx, was_gy, was_col, was_row, was_rejected = (
-            lanes[CONTACT.sine + k],
-            lanes[CONTACT.cosine + k],
-            lanes[CONTACT.offset + k],
-            lanes[CONTACT.gap + k],
-            lanes[CONTACT.gx + k],
-            lanes[CONTACT.gy + k],
-            lanes[BILINEAR.col + k],
-            lanes[BILINEAR.row + k],
-            lanes[BILINEAR.rejected + k],
-        )
-        col, row, gx, gy = lanes[LOWEST.col + l], lanes[LOWEST.row + l], lanes[LOWEST.gx + l], lanes[LOWEST.gy + l]
-        vx, vy, az, uz = lanes[WHEEL.vx + k], lanes[WHEEL.vy + k], lanes[WHEEL.az + k], lanes[WHEEL.uz + k]
-        steep, tilt, inside = sine / (cosine * uz), az / uz, abs(offset) < width
-        gx, gy = (steep * vy + tilt * vx if inside else gx), (tilt * vy - steep * vx if inside else gy)
-        x, y = lanes[POSE.x + l] + lanes[WHEEL.ox + k], lanes[POSE.y + l] + lanes[WHEEL.oy + k]
-        good = (x > reach) & (x < end_x - reach) & (y > reach) & (y < end_y - reach)
-        rejected = 0.0 if good & (lanes[LOWEST.doubt + l] >= gap - GAP_TIE) & (abs(gap) < math.inf) else 1.0
-        sine, cosine, offset = (was_sine if kept else sine), (was_cosine if kept else cosine), (was_offset if kept else offset)
-        lanes[CONTACT.sine + k], lanes[CONTACT.cosine + k], lanes[CONTACT.offset + k], lanes[CONTACT.gap + k] = (
-            sine,
-            cosine,
-            offset,
-            (was_gap if kept else gap),
-        )
-        lanes[CONTACT.gx + k], lanes[CONTACT.gy + k] = (was_gx if kept else gx), (was_gy if kept else gy)
-        lanes[BILINEAR.col + k], lanes[BILINEAR.row + k], lanes[BILINEAR.rejected + k] = (
-            (was_col if kept else col),
-            (was_row if kept else row),
-            (was_rejected if kept else rejected),
-        )
-        u, q = radius * sine, radius * cosine
-        along = offset * uz + q * az
-        lanes[CONTACT.tx + k], lanes[CONTACT.ty + k], lanes[CONTACT.tz + k] = (
-            u * vy + along * vx,
-            along * vy - u * vx,
-            offset * az - q * uz,
-        )
-
-
 @njit
 def search(lanes: Array, grid: Array, meta: Array, rover: Array, all_round: bool) -> None:
     """Search the contacts of all wheels over the lower sides of their treads.
@@ -272,17 +145,18 @@ def track(lanes: Array, grid: Array, meta: Array, rover: Array) -> None:
         rover: the packed rover.
 
     Reads:  POSE.x, POSE.y, POSE.q, POSE.active, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz,
-            CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.gx, CONTACT.gy, CONTACT.gap, BOUND.low, RIM.offset,
-            RIM.p0, RIM.t0, RIM.a, RIM.b, RIM.c, RIM.d, RIM.rho, RIM.zr, RIM.h2, RIM.q2, RIM.over_h, RIM.over_q, RIM.ac,
-            RIM.bd, RIM.e, RIM.swap, RIM.sign, RIM.low_p, RIM.high_p, CELL (all), PIECE (all), LOWEST (all), HOME (all),
-            TREAD.zh, TREAD.cos, TREAD.tan, TREAD.over, TREAD.az, TREAD.u0, TREAD.v0, TREAD.u_x, TREAD.u_y, TREAD.v_x,
-            TREAD.v_y, TREAD.over_x, TREAD.over_y, TREAD.det, TREAD.half, BILINEAR.col, BILINEAR.row, BILINEAR.rejected
+            CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.gx, CONTACT.gy, CONTACT.gap, BOUND.low, RIM.offset, RIM.p0,
+            RIM.t0, RIM.a, RIM.b, RIM.c, RIM.d, RIM.rho, RIM.zr, RIM.h2, RIM.q2, RIM.over_h, RIM.over_q, RIM.ac, RIM.bd, RIM.e,
+            RIM.swap, RIM.sign, RIM.low_p, RIM.high_p, CELL (all), PIECE (all), LOWEST (all), HOME (all), TREAD.zh, TREAD.cos,
+            TREAD.tan, TREAD.over, TREAD.az, TREAD.u0, TREAD.v0, TREAD.u_x, TREAD.u_y, TREAD.v_x, TREAD.v_y, TREAD.over_x,
+            TREAD.over_y, TREAD.aside_x, TREAD.aside_y, TREAD.p_x, TREAD.p_y, TREAD.b_x, TREAD.b_y, TREAD.det, TREAD.half,
+            BILINEAR.col, BILINEAR.row, BILINEAR.rejected
     Writes: CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.tx, CONTACT.ty, CONTACT.tz, CONTACT.gx, CONTACT.gy,
             CONTACT.gap, BOUND.low, RIM (all), CELL (all), PIECE (all), LOWEST (all), TREAD.zh, TREAD.cos, TREAD.tan,
-            TREAD.over, TREAD.az, TREAD.u0, TREAD.v0, TREAD.u_x, TREAD.u_y, TREAD.v_x, TREAD.v_y, TREAD.over_x,
-            TREAD.over_y, TREAD.aside_x, TREAD.aside_y, TREAD.v_low, TREAD.v_high, TREAD.p_0, TREAD.p_uu, TREAD.p_x,
-            TREAD.p_y, TREAD.b_0, TREAD.b_uu, TREAD.b_x, TREAD.b_y, TREAD.col_0, TREAD.row_0, TREAD.col_1, TREAD.row_1,
-            TREAD.det, TREAD.half, TREAD.max_slope_squared, BILINEAR.col, BILINEAR.row, BILINEAR.rejected
+            TREAD.over, TREAD.az, TREAD.u0, TREAD.v0, TREAD.u_x, TREAD.u_y, TREAD.v_x, TREAD.v_y, TREAD.over_x, TREAD.over_y,
+            TREAD.aside_x, TREAD.aside_y, TREAD.v_low, TREAD.v_high, TREAD.p_0, TREAD.p_uu, TREAD.p_x, TREAD.p_y, TREAD.b_0,
+            TREAD.b_uu, TREAD.b_x, TREAD.b_y, TREAD.col_0, TREAD.row_0, TREAD.col_1, TREAD.row_1, TREAD.det, TREAD.half,
+            TREAD.max_slope_squared, BILINEAR.col, BILINEAR.row, BILINEAR.rejected
     """
     for i in range(6):
         half = rover[P_HALF + i]
@@ -323,8 +197,8 @@ def largest_gaps(lanes: Array) -> None:
 def classify_lanes(lanes: Array, verified: bool) -> bool:
     """Update the state of each lane after a search.
 
-    A lane is SETTLED if its gaps are within TOLERANCE and a search has verified them, FAILED if a gap is not finite, a
-    search could not decide, or an angle is beyond WIDEST; else it stays active.
+    A lane is SETTLED if its gaps are within CONVERGED_GAP and a search has verified them, FAILED if a gap is not finite, a
+    search could not decide, or an angle is beyond MAX_ANGLE; else it stays active.
 
     Args:
         lanes: the lane array (`layout`).
@@ -340,12 +214,12 @@ def classify_lanes(lanes: Array, verified: bool) -> bool:
     live = False
     for l in range(LANES):
         if lanes[BILINEAR.fate + l] == SEARCHING:
-            done, lost = verified and lanes[BILINEAR.deepest + l] < TOLERANCE, not lanes[BILINEAR.deepest + l] < math.inf
+            done, lost = verified and lanes[BILINEAR.deepest + l] < CONVERGED_GAP, not lanes[BILINEAR.deepest + l] < math.inf
             if done:
                 for i in range(6):
                     lost |= lanes[BILINEAR.rejected + i * LANES + l] != 0.0
                 for n in range(1, 6):
-                    lost |= abs(lanes[POSE.q + n * LANES + l]) > WIDEST
+                    lost |= abs(lanes[POSE.q + n * LANES + l]) > MAX_ANGLE
             lanes[BILINEAR.fate + l] = FAILED if lost else (SETTLED if done else SEARCHING)
         lanes[POSE.active + l] = 1.0 if lanes[BILINEAR.fate + l] == SEARCHING else 0.0
         live |= lanes[BILINEAR.fate + l] == SEARCHING
@@ -408,7 +282,7 @@ def settle(lanes: Array, ground: Ground, rover: Array, count: int, rounds: int) 
             place_wheels(lanes, rover)
             live = 0.0
             for l in range(LANES):
-                lanes[POSE.active + l] = 0.0 if lanes[BILINEAR.deepest + l] < NEARLY else lanes[POSE.active + l]
+                lanes[POSE.active + l] = 0.0 if lanes[BILINEAR.deepest + l] < SEARCH_GAP else lanes[POSE.active + l]
             for l in range(LANES):
                 live += lanes[POSE.active + l]
             if live == 0.0:

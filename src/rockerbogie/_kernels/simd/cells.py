@@ -1,4 +1,4 @@
-"""Cells of the bilinear grid under each lane, and the lowest gap of a wheel before its search."""
+"""Cells of the bilinear grid under each lane, and the lowest gap before a search."""
 
 from __future__ import annotations
 

@@ -16,13 +16,14 @@ from ..jit.decorators import fma_njit, inlined
 from ..jit.raw_views import node_taker
 from ..model.ground import META_DX, META_DY, META_MAX_CURVATURE, META_NX, META_NY
 from ..model.linkage import P_BOGIE_PIVOT, P_HALF, P_HUB, P_PIVOT, P_RADIUS
-from ..model.tolerances import FINAL_GAP
+from ..model.tolerances import FINAL_GAP, MAX_ANGLE
 from ..search.tread import SMOOTH
-from ..solve.newton import WIDEST
 from .layout import ALL, CONTACT, CUBIC, LANES, POSE, WHEEL
 from .linkage import gap_jacobian, place_body, place_wheels, solve_step, take_step
 
 Array = NDArray[np.float64]
+
+Weights = tuple[float, float, float, float]
 
 MAX_TILT_SINE = 0.5  # sine of the largest tilt of a wheel
 SMALL = 2e-6  # m and rad: last step where gaps are checked afterwards
@@ -90,18 +91,13 @@ def gather(lanes: Array, grid: Array, meta: Array, wheels: int) -> None:
 
 
 @inlined
-def _row(
-    lanes: Array, at: int, w0: float, w1: float, w2: float, w3: float, s0: float, s1: float, s2: float, s3: float,
-    c0: float, c1: float, c2: float, c3: float,
-) -> tuple[float, float, float]:  # fmt: skip
+def _row(lanes: Array, at: int, height: Weights, slope: Weights, curvature: Weights) -> tuple[float, float, float]:
     """Return one row of coefficients weighted for height, slope and curvature.
 
     Args:
         lanes: the lane array (`layout`).
         at: index of the row's first coefficient.
-        w0, w1, w2, w3: weights of the height.
-        s0, s1, s2, s3: weights of the first derivative.
-        c0, c1, c2, c3: weights of the second derivative.
+        height, slope, curvature: weights of the height, of its first and of its second derivative.
 
     Returns:
         Height, first and second derivative along x, of this row.
@@ -109,6 +105,9 @@ def _row(
     Reads:  at
     Writes: none
     """
+    w0, w1, w2, w3 = height
+    s0, s1, s2, s3 = slope
+    c0, c1, c2, c3 = curvature
     g0, g1, g2, g3 = lanes[at], lanes[at + ALL], lanes[at + 2 * ALL], lanes[at + 3 * ALL]
     return (
         w0 * g0 + w1 * g1 + w2 * g2 + w3 * g3,
@@ -143,19 +142,20 @@ def splines(lanes: Array, meta: Array, wheels: int) -> None:
             s0, s3, s1 = -0.5 * p * p, 0.5 * u * u, u * (1.5 * u - 2.0)
             s2 = -s0 - s1 - s3
             c1, c2 = 3.0 * u - 2.0, 1.0 - 3.0 * u
+            weights, slopes, curvatures = (w0, w1, w2, w3), (s0, s1, s2, s3), (p, c1, c2, u)
             y0, y3 = q * q * q * (1 / 6), v * v * v * (1 / 6)
             y1 = (v * v * (3.0 * v - 6.0) + 4.0) * (1 / 6)
             y2 = 1.0 - y0 - y1 - y3
             t0, t3, t1 = -0.5 * q * q, 0.5 * v * v, v * (1.5 * v - 2.0)
             t2 = -t0 - t1 - t3
             d1, d2 = 3.0 * v - 2.0, 1.0 - 3.0 * v
-            a, b, c = _row(lanes, CUBIC.coef + k, w0, w1, w2, w3, s0, s1, s2, s3, p, c1, c2, u)
+            a, b, c = _row(lanes, CUBIC.coef + k, weights, slopes, curvatures)
             h, hx, hxx, hy, hxy, hyy = y0 * a, y0 * b, y0 * c, t0 * a, t0 * b, q * a
-            a, b, c = _row(lanes, CUBIC.coef + 4 * ALL + k, w0, w1, w2, w3, s0, s1, s2, s3, p, c1, c2, u)
+            a, b, c = _row(lanes, CUBIC.coef + 4 * ALL + k, weights, slopes, curvatures)
             h, hx, hxx, hy, hxy, hyy = h + y1 * a, hx + y1 * b, hxx + y1 * c, hy + t1 * a, hxy + t1 * b, hyy + d1 * a
-            a, b, c = _row(lanes, CUBIC.coef + 8 * ALL + k, w0, w1, w2, w3, s0, s1, s2, s3, p, c1, c2, u)
+            a, b, c = _row(lanes, CUBIC.coef + 8 * ALL + k, weights, slopes, curvatures)
             h, hx, hxx, hy, hxy, hyy = h + y2 * a, hx + y2 * b, hxx + y2 * c, hy + t2 * a, hxy + t2 * b, hyy + d2 * a
-            a, b, c = _row(lanes, CUBIC.coef + 12 * ALL + k, w0, w1, w2, w3, s0, s1, s2, s3, p, c1, c2, u)
+            a, b, c = _row(lanes, CUBIC.coef + 12 * ALL + k, weights, slopes, curvatures)
             h, hx, hxx, hy, hxy, hyy = h + y3 * a, hx + y3 * b, hxx + y3 * c, hy + t3 * a, hxy + t3 * b, hyy + v * a
             lanes[CUBIC.h + k], lanes[CONTACT.gx + k], lanes[CONTACT.gy + k] = h, hx * over_x, hy * over_y
             lanes[CUBIC.hxx + k], lanes[CUBIC.hxy + k], lanes[CUBIC.hyy + k] = (
@@ -171,7 +171,7 @@ def roll_contacts(lanes: Array, rover: Array, meta: Array) -> None:
 
     The contact stays within the width of the tread. The step in (φ, offset) uses the terrain's slope and second derivatives
     at the old contact. If the gap is not convex along the axle, the contact moves to the end of the tread with the lower
-    gap. A disc that is not verified afterwards must also meet the condition of `search.tread.follow_smooth`.
+    gap. A disc that is not verified afterwards must also meet the condition of `search.cubic_cell.follow_smooth`.
 
     Args:
         lanes: the lane array (`layout`).
@@ -250,7 +250,7 @@ def roll_contacts(lanes: Array, rover: Array, meta: Array) -> None:
 
 @fma_njit
 def start(lanes: Array, grid: Array, meta: Array, rover: Array) -> None:
-    """Place the poses on the tangent plane of the terrain under the body.
+    """Set the poses on the tangent plane of the terrain under the body.
 
     Each contact starts at the lowest point of its rim.
 
@@ -371,7 +371,9 @@ def iterate(lanes: Array, grid: Array, meta: Array, rover: Array, small: float) 
 
 @fma_njit
 def check_converged(lanes: Array) -> None:
-    """Mark the lanes that have converged where the method is valid, with no angle beyond WIDEST.
+    """Mark the lanes that have converged and in which the method is valid.
+
+    No angle may exceed MAX_ANGLE.
 
     Args:
         lanes: the lane array (`layout`).
@@ -393,4 +395,4 @@ def check_converged(lanes: Array) -> None:
         rejected += (
             lanes[CUBIC.rejected + 3 * LANES + l] + lanes[CUBIC.rejected + 4 * LANES + l] + lanes[CUBIC.rejected + 5 * LANES + l]
         )
-        lanes[CUBIC.sound + l] = 1.0 if (rejected == 0.0) & (widest < WIDEST) else 0.0
+        lanes[CUBIC.sound + l] = 1.0 if (rejected == 0.0) & (widest < MAX_ANGLE) else 0.0

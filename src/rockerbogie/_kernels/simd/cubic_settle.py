@@ -1,4 +1,4 @@
-"""Settling of a block of poses on cubic terrain, with verification of every tread; loading of poses into a lane array."""
+"""Loading of poses into a lane array, and their settling on cubic terrain with verification."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from ..model import wheel
 from ..model.ground import META_MAX_CURVATURE, META_X, META_Y, Ground
 from ..model.linkage import P_HALF, P_RADIUS, set_hub_offsets
 from ..model.sincos import FAR
+from ..model.tolerances import CONVERGED_GAP
 from ..model.wheel import gap_at
 from ..search.tread import SMOOTH
 from ..search.verify_minimum import LEAST, LOWER, UNKNOWN, is_least
 from ..search.workspace import Work
-from ..solve.newton import TOLERANCE
 from .cubic_newton import SMALL, check_converged, iterate, start
 from .layout import CONTACT, CUBIC, LANES, POSE, WHEEL
 from .linkage import place_body, place_wheels, set_heading
@@ -84,7 +84,7 @@ def verify_lane(lanes: Array, ground: Ground, rover: Array, l: int, work: Work) 
         work: scratch memory of this thread.
 
     Returns:
-        LEAST: verified. LOWER: iterate again, as a gap is lower elsewhere or not yet within TOLERANCE. UNKNOWN: not
+        LEAST: verified. LOWER: iterate again, as a gap is lower elsewhere or not yet within CONVERGED_GAP. UNKNOWN: not
         converged, or not decided.
 
     Reads:  POSE.x, POSE.y, POSE.q, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz, CONTACT.sine,
@@ -106,7 +106,7 @@ def verify_lane(lanes: Array, ground: Ground, rover: Array, l: int, work: Work) 
         w[wheel.EX], w[wheel.EY], w[wheel.UX], w[wheel.UY], w[wheel.UZ] = vy, -vx, -az * vx, -az * vy, level
         w[wheel.COS], w[wheel.TAN], w[wheel.RADIUS], w[wheel.HALF] = level, az / level, rover[P_RADIUS + i], rover[P_HALF + i]
         sine, cosine, offset = lanes[CONTACT.sine + k], lanes[CONTACT.cosine + k], lanes[CONTACT.offset + k]
-        if abs(gap_at(ground[0], ground[2], w, sine, cosine, offset)) > TOLERANCE:
+        if abs(gap_at(ground[0], ground[2], w, sine, cosine, offset)) > CONVERGED_GAP:
             verdict = LOWER  # take one more step
             continue
         of_wheel = is_least(ground, w, sine, cosine, offset, lowest, work.none)

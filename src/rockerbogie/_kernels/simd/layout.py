@@ -1,8 +1,8 @@
-"""Layout of the lane array: the rows of all numbers that the SIMD kernels keep of a block of poses.
+"""Layout of the lane array, which holds all numbers of a block of poses.
 
 The array is flat. A row holds one number for each lane, at `lanes[POSE.x + l]`, or one for each wheel and lane, at
 `lanes[WHEEL.fx + i * LANES + l]` for wheel i. Rows start at constants and the innermost loops run over lanes alone: so the
-compiler can tell that rows do not overlap, and turns these loops into vector instructions.
+compiler can derive that rows do not overlap, and turns these loops into vector instructions.
 
 Each group of rows is a NamedTuple. In its class, the value after a field is the size of the row; in its instance, the
 value is the start of the row. The cubic and the bilinear solver have a lane array each, with the common groups first.
@@ -97,7 +97,7 @@ class CubicRows(NamedTuple):
     hyy: int = ALL
     turn: int = ALL  # last movement of the contact: |Δφ| + |Δoffset| / reach
     rejected: int = ALL  # flag: the wheel or its contact has left the range in which the method is valid
-    sound: int = LANES  # flag: converged, in the range in which the method is valid, with no angle beyond WIDEST
+    sound: int = LANES  # flag: converged, in the range in which the method is valid, with no angle beyond MAX_ANGLE
     verdict: int = LANES  # result of `verify_minimum`: LEAST, LOWER or UNKNOWN
     first_sine: int = LANES  # contact on the tangent plane under the body: sin φ
     first_cosine: int = LANES  # cos φ
@@ -111,9 +111,10 @@ class BoundRows(NamedTuple):
 
 
 class RimRows(NamedTuple):
-    """Rim of one wheel in grid coordinates (p, t), in cells; p is the axis along which the rim covers more cells.
+    """Rim of one wheel in grid coordinates (p, t), in cells.
 
-    p = p0 + a sin φ + b cos φ, t = t0 + c sin φ + d cos φ, z = zr - rho cos φ.
+    p is the axis along which the rim covers more cells. On the rim, p = p0 + a sin φ + b cos φ, t = t0 + c sin φ + d cos φ,
+    z = zr - rho cos φ.
     """
 
     offset: int = LANES  # position of the rim along the axle
@@ -142,7 +143,10 @@ class RimRows(NamedTuple):
 
 
 class ColumnRows(NamedTuple):
-    """Arc of the rim over one column of cells: a piece over the cell it enters, and one over the cell it leaves."""
+    """Arc of the rim over one column of cells.
+
+    It has a piece over the cell it enters and one over the cell it leaves.
+    """
 
     s_in: int = LANES  # sin φ where the rim enters the column
     c_in: int = LANES  # cos φ there
@@ -228,9 +232,10 @@ class RimPieceRows(NamedTuple):
 
 
 class TreadRows(NamedTuple):
-    """Tread of one wheel in its own coordinates (u, v): u across the axle, v along it, horizontal, from the hub.
+    """Tread of one wheel in its own coordinates (u, v).
 
-    P is the parabola p0 + puu u² + v tan that touches the tread where the contact was, B the one that touches its lowest line.
+    Both are horizontal, from the hub: u across the axle, v along it. P is the parabola p0 + puu u² + v tan that touches the
+    tread where the contact was, B the one that touches its lowest line.
     """
 
     zh: int = LANES  # height of the hub

@@ -76,64 +76,43 @@ def place_body(lanes: Array, rover: Array) -> None:
             rho = min(max(lanes[POSE.q + 3 * LANES + l], -MAX_ROCKER_ANGLE), MAX_ROCKER_ANGLE)
             lanes[POSE.rate + l] = lanes[POSE.rate + l] * rho + lanes[POSE.right + l]
             lanes[POSE.right + l] = lanes[POSE.right + l] * rho + c
-    kx, kz, px, pz = rover[P_BOGIE_PIVOT], rover[P_BOGIE_PIVOT + 2], rover[P_PIVOT], rover[P_PIVOT + 2]
+    bogie, rocker = (rover[P_BOGIE_PIVOT], rover[P_BOGIE_PIVOT + 2]), (rover[P_PIVOT], rover[P_PIVOT + 2])
     for l in range(LANES):
-        angle = lanes[POSE.q + 3 * LANES + l]
-        s, c = sine_cosine(angle)
-        lanes[WHEEL.lc + l], lanes[WHEEL.ls + l], lanes[WHEEL.bx + l], lanes[WHEEL.bz + l], lanes[WHEEL.br + l] = (
-            c,
-            s,
-            px,
-            pz,
-            1.0,
-        )
-        x, z = px + c * kx + s * kz, pz - s * kx + c * kz
-        s, c = sine_cosine(angle + lanes[POSE.q + 4 * LANES + l])
-        (
-            lanes[WHEEL.lc + 2 * LANES + l],
-            lanes[WHEEL.ls + 2 * LANES + l],
-            lanes[WHEEL.bx + 2 * LANES + l],
-            lanes[WHEEL.bz + 2 * LANES + l],
-        ) = c, s, x, z
-        (
-            lanes[WHEEL.lc + 4 * LANES + l],
-            lanes[WHEEL.ls + 4 * LANES + l],
-            lanes[WHEEL.bx + 4 * LANES + l],
-            lanes[WHEEL.bz + 4 * LANES + l],
-        ) = c, s, x, z
-        lanes[WHEEL.br + 2 * LANES + l] = lanes[WHEEL.br + 4 * LANES + l] = 1.0
-    kx, kz, px, pz = rover[P_BOGIE_PIVOT + 3], rover[P_BOGIE_PIVOT + 5], rover[P_PIVOT + 3], rover[P_PIVOT + 5]
+        _place_side(lanes, l, 0, rocker, bogie, lanes[POSE.q + 3 * LANES + l], 1.0)
+    bogie, rocker = (rover[P_BOGIE_PIVOT + 3], rover[P_BOGIE_PIVOT + 5]), (rover[P_PIVOT + 3], rover[P_PIVOT + 5])
     for l in range(LANES):
-        angle, rate = lanes[POSE.right + l], lanes[POSE.rate + l]
-        s, c = sine_cosine(angle)
-        (
-            lanes[WHEEL.lc + LANES + l],
-            lanes[WHEEL.ls + LANES + l],
-            lanes[WHEEL.bx + LANES + l],
-            lanes[WHEEL.bz + LANES + l],
-            lanes[WHEEL.br + LANES + l],
-        ) = (
-            c,
-            s,
-            px,
-            pz,
-            rate,
-        )
-        x, z = px + c * kx + s * kz, pz - s * kx + c * kz
-        s, c = sine_cosine(angle + lanes[POSE.q + 5 * LANES + l])
-        (
-            lanes[WHEEL.lc + 3 * LANES + l],
-            lanes[WHEEL.ls + 3 * LANES + l],
-            lanes[WHEEL.bx + 3 * LANES + l],
-            lanes[WHEEL.bz + 3 * LANES + l],
-        ) = c, s, x, z
-        (
-            lanes[WHEEL.lc + 5 * LANES + l],
-            lanes[WHEEL.ls + 5 * LANES + l],
-            lanes[WHEEL.bx + 5 * LANES + l],
-            lanes[WHEEL.bz + 5 * LANES + l],
-        ) = c, s, x, z
-        lanes[WHEEL.br + 3 * LANES + l] = lanes[WHEEL.br + 5 * LANES + l] = rate
+        _place_side(lanes, l, 1, rocker, bogie, lanes[POSE.right + l], lanes[POSE.rate + l])
+
+
+@inlined
+def _place_side(
+    lanes: Array, l: int, side: int, rocker: tuple[float, float], bogie: tuple[float, float], angle: float, rate: float
+) -> None:
+    """Compute angle and pivot of the links of one side's wheels.
+
+    Args:
+        lanes: the lane array (`layout`).
+        l: lane.
+        side: 0 left, 1 right.
+        rocker: x and z of the rocker pivot in the body, m.
+        bogie: x and z of the bogie pivot from the rocker pivot, in the rocker, m.
+        angle: the side's rocker angle, rad.
+        rate: its derivative by the left one.
+
+    Reads:  POSE.q
+    Writes: WHEEL.lc, WHEEL.ls, WHEEL.bx, WHEEL.bz, WHEEL.br
+    """
+    px, pz = rocker
+    kx, kz = bogie
+    near, middle, other = side * LANES + l, (2 + side) * LANES + l, (4 + side) * LANES + l
+    s, c = sine_cosine(angle)
+    lanes[WHEEL.lc + near], lanes[WHEEL.ls + near] = c, s
+    lanes[WHEEL.bx + near], lanes[WHEEL.bz + near], lanes[WHEEL.br + near] = px, pz, rate
+    x, z = px + c * kx + s * kz, pz - s * kx + c * kz
+    s, c = sine_cosine(angle + lanes[POSE.q + (4 + side) * LANES + l])
+    lanes[WHEEL.lc + middle], lanes[WHEEL.ls + middle], lanes[WHEEL.bx + middle], lanes[WHEEL.bz + middle] = c, s, x, z
+    lanes[WHEEL.lc + other], lanes[WHEEL.ls + other], lanes[WHEEL.bx + other], lanes[WHEEL.bz + other] = c, s, x, z
+    lanes[WHEEL.br + middle] = lanes[WHEEL.br + other] = rate
 
 
 @fma_njit
@@ -205,22 +184,30 @@ def gap_jacobian(lanes: Array, rover: Array) -> None:
 
 @inlined
 def _eliminate_bogie(
-    m1: float, m2: float, m3: float, m4: float, m: float, o1: float, o2: float, o3: float, o4: float, o: float,
-    a1: float, a2: float, a3: float, a: float,
-) -> tuple[float, float, float, float, float, float, float, float, float]:  # fmt: skip
+    lanes: Array, l: int, side: int, a1: float, a2: float, a3: float, a: float
+) -> tuple[float, float, float, float, float, float, float, float, float]:
     """Eliminate z and the bogie angle from the equations of the two wheels of a bogie.
 
     An equation reads z + c1 roll + c2 pitch + c3 rocker + c4 bogie = right-hand side. The wheel with the larger
     |c4| is the pivot.
 
     Args:
-        m1, m2, m3, m4, m: c1 to c4 and right-hand side of the middle wheel.
-        o1, o2, o3, o4, o: those of the bogie's other wheel.
+        lanes: the lane array (`layout`).
+        l: lane.
+        side: 0 left, 1 right.
         a1, a2, a3, a: c1 to c3 and right-hand side of wheel 0, which has no bogie.
 
     Returns:
         c1 to c4 and right-hand side of the pivot's equation; c1 to c3 and right-hand side of the other, without z and bogie.
+
+    Reads:  CONTACT.gap, CONTACT.by_roll, CONTACT.by_pitch, CONTACT.by_rocker, CONTACT.by_bogie
+    Writes: none
     """
+    middle, other = (2 + side) * LANES + l, (4 + side) * LANES + l
+    m1, m2, m3 = lanes[CONTACT.by_roll + middle], lanes[CONTACT.by_pitch + middle], lanes[CONTACT.by_rocker + middle]
+    m4, m = lanes[CONTACT.by_bogie + middle], -lanes[CONTACT.gap + middle]
+    o1, o2, o3 = lanes[CONTACT.by_roll + other], lanes[CONTACT.by_pitch + other], lanes[CONTACT.by_rocker + other]
+    o4, o = lanes[CONTACT.by_bogie + other], -lanes[CONTACT.gap + other]
     swap = abs(o4) > abs(m4)
     l1, l2, l3, l4, lb = (
         o1 if swap else m1, o2 if swap else m2, o3 if swap else m3, o4 if swap else m4, o if swap else m,
@@ -261,38 +248,8 @@ def solve_step(lanes: Array) -> None:
             lanes[CONTACT.by_rocker + LANES + l] - a3,
             -lanes[CONTACT.gap + LANES + l] - a,
         )
-        l1, l2, l3, l4, lb, q1, q2, q3, q = _eliminate_bogie(
-            lanes[CONTACT.by_roll + 2 * LANES + l],
-            lanes[CONTACT.by_pitch + 2 * LANES + l],
-            lanes[CONTACT.by_rocker + 2 * LANES + l],
-            lanes[CONTACT.by_bogie + 2 * LANES + l],
-            -lanes[CONTACT.gap + 2 * LANES + l],
-            lanes[CONTACT.by_roll + 4 * LANES + l],
-            lanes[CONTACT.by_pitch + 4 * LANES + l],
-            lanes[CONTACT.by_rocker + 4 * LANES + l],
-            lanes[CONTACT.by_bogie + 4 * LANES + l],
-            -lanes[CONTACT.gap + 4 * LANES + l],
-            a1,
-            a2,
-            a3,
-            a,
-        )
-        e1, e2, e3, e4, eb, r1, r2, r3, r = _eliminate_bogie(
-            lanes[CONTACT.by_roll + 3 * LANES + l],
-            lanes[CONTACT.by_pitch + 3 * LANES + l],
-            lanes[CONTACT.by_rocker + 3 * LANES + l],
-            lanes[CONTACT.by_bogie + 3 * LANES + l],
-            -lanes[CONTACT.gap + 3 * LANES + l],
-            lanes[CONTACT.by_roll + 5 * LANES + l],
-            lanes[CONTACT.by_pitch + 5 * LANES + l],
-            lanes[CONTACT.by_rocker + 5 * LANES + l],
-            lanes[CONTACT.by_bogie + 5 * LANES + l],
-            -lanes[CONTACT.gap + 5 * LANES + l],
-            a1,
-            a2,
-            a3,
-            a,
-        )
+        l1, l2, l3, l4, lb, q1, q2, q3, q = _eliminate_bogie(lanes, l, 0, a1, a2, a3, a)
+        e1, e2, e3, e4, eb, r1, r2, r3, r = _eliminate_bogie(lanes, l, 1, a1, a2, a3, a)
         u1, u2, u3 = q2 * r3 - q3 * r2, q3 * r1 - q1 * r3, q1 * r2 - q2 * r1
         v1, v2, v3 = r2 * p3 - r3 * p2, r3 * p1 - r1 * p3, r1 * p2 - r2 * p1
         w1, w2, w3 = p2 * q3 - p3 * q2, p3 * q1 - p1 * q3, p1 * q2 - p2 * q1

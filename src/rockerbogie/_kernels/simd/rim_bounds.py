@@ -8,6 +8,7 @@ a piece is given in `layout.PieceRows`.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from .layout import CELL, COLUMN, COLUMNS, LANES, LOWEST, POSE, RIM, RIM_PIECES,
 
 Array = NDArray[np.float64]
 
-NONE = -1e300  # lower bound where nothing is bounded
+NONE = -1e300  # lower bound if there is no bound
 ROOT_2 = math.sqrt(2.0)  # maximum of |u| (3 − 2 u²): what e adds to the second derivative
 
 
@@ -150,6 +151,54 @@ def rim_over_cell(lanes: Array, l: int, p: float, t: float) -> tuple[float, floa
     return slope_p, slope_t, twist, lanes[RIM.zr + l] - a - (b - a) * mp - slope_t * mt, gs, gc, mp
 
 
+class PieceGap(NamedTuple):
+    """Coefficients of the gap over a piece of a rim (`layout.PieceRows`)."""
+
+    f0: float
+    gs: float
+    gc: float
+    twist: float
+    ac: float
+    bd: float
+    e: float
+
+
+@inlined
+def gap_at(piece: PieceGap, s: float, k: float) -> float:
+    """Return the gap at a point of a piece, m.
+
+    Args:
+        piece: its coefficients.
+        s, k: sin φ, cos φ.
+    """
+    f0, gs, gc, twist, ac, bd, e = piece
+    return f0 - gs * s - gc * k - twist * (ac * s * s + e * s * k + bd * k * k)
+
+
+@inlined
+def gap_slope(piece: PieceGap, s: float, k: float) -> float:
+    """Return the derivative of the gap by φ at a point of a piece, m.
+
+    Args:
+        piece: its coefficients.
+        s, k: sin φ, cos φ.
+    """
+    _, gs, gc, twist, ac, bd, e = piece
+    return gc * s - gs * k - twist * (2.0 * (ac - bd) * s * k + e * (k * k - s * s))
+
+
+@inlined
+def gap_curvature(piece: PieceGap, s: float, k: float) -> float:
+    """Return the second derivative of the gap by φ at a point of a piece, m.
+
+    Args:
+        piece: its coefficients.
+        s, k: sin φ, cos φ.
+    """
+    _, gs, gc, twist, ac, bd, e = piece
+    return gs * s + gc * k - twist * (2.0 * (ac - bd) * (k * k - s * s) - 4.0 * e * s * k)
+
+
 @inlined
 def _bound(lanes: Array, at_s: int, at_c: int, to_s: int, to_c: int, cell: int, out: int) -> None:
     """Compute a lower bound of the gap over one piece.
@@ -176,17 +225,15 @@ def _bound(lanes: Array, at_s: int, at_c: int, to_s: int, to_c: int, cell: int, 
         # rounding may move an end above the height of the axle
         sl, cl, sr, cr = lanes[at_s + l], max(lanes[at_c + l], 0.0), lanes[to_s + l], max(lanes[to_c + l], 0.0)
         ac, bd, e = lanes[RIM.ac + l], lanes[RIM.bd + l], lanes[RIM.e + l]
-        fl = f0 - gs * sl - gc * cl - twist * (ac * sl * sl + e * sl * cl + bd * cl * cl)
-        fr = f0 - gs * sr - gc * cr - twist * (ac * sr * sr + e * sr * cr + bd * cr * cr)
-        by_l = gc * sl - gs * cl - twist * (2.0 * (ac - bd) * sl * cl + e * (cl * cl - sl * sl))
-        by_r = gc * sr - gs * cr - twist * (2.0 * (ac - bd) * sr * cr + e * (cr * cr - sr * sr))
+        piece = PieceGap(f0, gs, gc, twist, ac, bd, e)
+        fl, fr, by_l, by_r = gap_at(piece, sl, cl), gap_at(piece, sr, cr), gap_slope(piece, sl, cl), gap_slope(piece, sr, cr)
         wide = sr - sl
         most = 1.0 if sl * sr < 0.0 else max(cl, cr)
-        firm, bent = gc - ROOT_2 * abs(twist * e), 2.0 * twist * (ac - bd)
+        firm, curl = gc - ROOT_2 * abs(twist * e), 2.0 * twist * (ac - bd)
         least = min(cl, cr)
-        concave = gc + ROOT_2 * abs(twist * e) < bent * least * least * least
+        concave = gc + ROOT_2 * abs(twist * e) < curl * least * least * least
         # if it is not convex, a parabola through both ends is subtracted
-        off = 0.0 if firm > bent * most * most * most else max(0.5 * (bent - firm), 0.0) * wide
+        off = 0.0 if firm > curl * most * most * most else max(0.5 * (curl - firm), 0.0) * wide
         by_l, by_r = by_l - off * cl, by_r + off * cr
         inner = fl + by_l * ((fr - fl) * cr - by_r * wide) / (by_l * cr - by_r * cl)
         ends = min(fl, fr)

@@ -18,7 +18,7 @@ from ..model.tolerances import CELL_MARGIN, GAP_TIE
 from .cells import corners
 from .layout import BOUND, CELL, COLUMNS, CONTACT, LANES, LOWEST, PIECE, RIM, RIM_PIECES
 from .lowest_bound import lowest, next_lowest, pad_bounds
-from .rim_bounds import NONE, ROOT_2, bound_pieces, crossing, rim_over_cell, set_rims
+from .rim_bounds import NONE, ROOT_2, PieceGap, bound_pieces, crossing, gap_at, gap_curvature, gap_slope, rim_over_cell, set_rims
 
 Array = NDArray[np.float64]
 
@@ -102,40 +102,60 @@ def pieces_over_cells(lanes: Array) -> None:
         lanes[PIECE.late + l], lanes[PIECE.early + l] = (1.0 if late else 0.0), (1.0 if early else 0.0)
     for l in range(LANES):
         slope_p, slope_t, twist, f0, gs, gc, _ = rim_over_cell(lanes, l, lanes[CELL.p + l], lanes[CELL.t + l])
-        sl, cl, sr, cr, ac, bd, e = (
-            lanes[PIECE.sl + l],
-            lanes[PIECE.cl + l],
-            lanes[PIECE.sr + l],
-            lanes[PIECE.cr + l],
-            lanes[RIM.ac + l],
-            lanes[RIM.bd + l],
-            lanes[RIM.e + l],
-        )
-        (
-            lanes[PIECE.slope_p + l],
-            lanes[PIECE.slope_t + l],
-            lanes[PIECE.twist + l],
-            lanes[PIECE.f0 + l],
-            lanes[PIECE.gs + l],
-            lanes[PIECE.gc + l],
-        ) = (
-            slope_p,
-            slope_t,
-            twist,
-            f0,
-            gs,
-            gc,
-        )
+        sl, cl, sr, cr = lanes[PIECE.sl + l], lanes[PIECE.cl + l], lanes[PIECE.sr + l], lanes[PIECE.cr + l]
+        ac, bd, e = lanes[RIM.ac + l], lanes[RIM.bd + l], lanes[RIM.e + l]
+        lanes[PIECE.slope_p + l], lanes[PIECE.slope_t + l], lanes[PIECE.twist + l] = slope_p, slope_t, twist
+        lanes[PIECE.f0 + l], lanes[PIECE.gs + l], lanes[PIECE.gc + l] = f0, gs, gc
         # stationary point with the twist's slope at the middle of the piece
         s, k = 0.5 * (sl + sr), 0.5 * (cl + cr)
         p, q = gs + twist * (2.0 * ac * s + e * k), gc + twist * (e * s + 2.0 * bd * k)
         size = 1.0 / math.sqrt(p * p + q * q)
         s, k = p * size, max(q * size, 0.0)
-        before, beyond = s * cl < k * sl, sr * k < cr * s
-        lanes[PIECE.sine + l], lanes[PIECE.cosine + l] = (
-            (sl if before else (sr if beyond else s)),
-            (cl if before else (cr if beyond else k)),
-        )
+        _move_onto_piece(lanes, l, s, k)
+
+
+@inlined
+def _move_onto_piece(lanes: Array, l: int, s: float, k: float) -> tuple[bool, bool]:
+    """Store a point as the refined point of a piece, or the nearer end if it is beyond it.
+
+    Args:
+        lanes: the lane array (`layout`).
+        l: lane.
+        s, k: sin φ and cos φ of the point.
+
+    Returns:
+        True if it is before the left end; True if it is beyond the right end.
+
+    Reads:  PIECE.sl, PIECE.cl, PIECE.sr, PIECE.cr
+    Writes: PIECE.sine, PIECE.cosine
+    """
+    sl, cl, sr, cr = lanes[PIECE.sl + l], lanes[PIECE.cl + l], lanes[PIECE.sr + l], lanes[PIECE.cr + l]
+    before, beyond = s * cl < k * sl, sr * k < cr * s
+    lanes[PIECE.sine + l] = sl if before else (sr if beyond else s)
+    lanes[PIECE.cosine + l] = cl if before else (cr if beyond else k)
+    return before, beyond
+
+
+@inlined
+def _gap_of_piece(lanes: Array, l: int) -> PieceGap:
+    """Return the coefficients of the gap over a piece.
+
+    Args:
+        lanes: the lane array (`layout`).
+        l: lane.
+
+    Reads:  RIM.ac, RIM.bd, RIM.e, PIECE.f0, PIECE.gs, PIECE.gc, PIECE.twist
+    Writes: none
+    """
+    return PieceGap(
+        lanes[PIECE.f0 + l],
+        lanes[PIECE.gs + l],
+        lanes[PIECE.gc + l],
+        lanes[PIECE.twist + l],
+        lanes[RIM.ac + l],
+        lanes[RIM.bd + l],
+        lanes[RIM.e + l],
+    )
 
 
 @fma_njit
@@ -147,42 +167,21 @@ def newton_on_pieces(lanes: Array) -> None:
     Args:
         lanes: the lane array (`layout`).
 
-    Reads:  RIM.ac, RIM.bd, RIM.e, PIECE.sl, PIECE.cl, PIECE.sr, PIECE.cr, PIECE.gs, PIECE.gc, PIECE.twist, PIECE.sine,
-            PIECE.cosine
+    Reads:  RIM.ac, RIM.bd, RIM.e, PIECE.sl, PIECE.cl, PIECE.sr, PIECE.cr, PIECE.f0, PIECE.gs, PIECE.gc, PIECE.twist,
+            PIECE.sine, PIECE.cosine
     Writes: PIECE.sine, PIECE.cosine, PIECE.before, PIECE.after
     """
     for l in range(LANES):
-        s, k, gs, gc, twist, e = (
-            lanes[PIECE.sine + l],
-            lanes[PIECE.cosine + l],
-            lanes[PIECE.gs + l],
-            lanes[PIECE.gc + l],
-            lanes[PIECE.twist + l],
-            lanes[RIM.e + l],
-        )
-        sl, cl, sr, cr, bent = (
-            lanes[PIECE.sl + l],
-            lanes[PIECE.cl + l],
-            lanes[PIECE.sr + l],
-            lanes[PIECE.cr + l],
-            2.0 * (lanes[RIM.ac + l] - lanes[RIM.bd + l]),
-        )
-        g = gc * s - gs * k - twist * (bent * s * k + e * (k * k - s * s))
-        h = gs * s + gc * k - twist * (bent * (k * k - s * s) - 4.0 * e * s * k)
-        step = min(
-            max(-g * k / (h * k + g * s), -0.3), 0.3
-        )  # h is the second derivative over φ; this is the step over sin φ, times cos φ
+        s, k, piece = lanes[PIECE.sine + l], lanes[PIECE.cosine + l], _gap_of_piece(lanes, l)
+        g, h = gap_slope(piece, s, k), gap_curvature(piece, s, k)
+        step = min(max(-g * k / (h * k + g * s), -0.3), 0.3)  # Newton's step in sin φ, times cos φ
         square = 1.0 + step * step
         size = 1.5 - 0.5 * square
         size *= 1.5 - 0.5 * square * size * size
         s, k = (s + k * step) * size, (k - s * step) * size
         size = 1.5 - 0.5 * (s * s + k * k)  # correct the rest
         s, k = s * size, k * size
-        before, beyond = s * cl < k * sl, sr * k < cr * s
-        lanes[PIECE.sine + l], lanes[PIECE.cosine + l] = (
-            (sl if before else (sr if beyond else s)),
-            (cl if before else (cr if beyond else k)),
-        )
+        before, beyond = _move_onto_piece(lanes, l, s, k)
         lanes[PIECE.before + l], lanes[PIECE.after + l] = (1.0 if before else 0.0), (1.0 if beyond else 0.0)
 
 
@@ -205,38 +204,21 @@ def keep_lower_gap(lanes: Array, meta: Array) -> None:
     """
     over_x, over_y = 1.0 / meta[META_DX], 1.0 / meta[META_DY]
     for l in range(LANES):
-        s, k, gs, gc, f0, twist = (
-            lanes[PIECE.sine + l],
-            lanes[PIECE.cosine + l],
-            lanes[PIECE.gs + l],
-            lanes[PIECE.gc + l],
-            lanes[PIECE.f0 + l],
-            lanes[PIECE.twist + l],
-        )
-        sl, cl, sr, cr, ac, bd, e = (
-            lanes[PIECE.sl + l],
-            lanes[PIECE.cl + l],
-            lanes[PIECE.sr + l],
-            lanes[PIECE.cr + l],
-            lanes[RIM.ac + l],
-            lanes[RIM.bd + l],
-            lanes[RIM.e + l],
-        )
-        before, beyond, bent = lanes[PIECE.before + l] > 0.0, lanes[PIECE.after + l] > 0.0, 2.0 * (ac - bd)
-        g = gc * s - gs * k - twist * (bent * s * k + e * (k * k - s * s))
-        h = gs * s + gc * k - twist * (bent * (k * k - s * s) - 4.0 * e * s * k)
-        f = f0 - gs * s - gc * k - twist * (ac * s * s + e * s * k + bd * k * k)
+        s, k, piece = lanes[PIECE.sine + l], lanes[PIECE.cosine + l], _gap_of_piece(lanes, l)
+        sl, cl, sr, cr = lanes[PIECE.sl + l], lanes[PIECE.cl + l], lanes[PIECE.sr + l], lanes[PIECE.cr + l]
+        before, beyond, curl = lanes[PIECE.before + l] > 0.0, lanes[PIECE.after + l] > 0.0, 2.0 * (piece.ac - piece.bd)
+        g, h, f = gap_slope(piece, s, k), gap_curvature(piece, s, k), gap_at(piece, s, k)
         step = -g / h
         inside = (not before) & (not beyond) & (abs(step) < 1e-4)
         f += 0.5 * g * step if inside else 0.0
         most = 1.0 if sl * sr < 0.0 else max(cl, cr)
-        convex = gc - ROOT_2 * abs(twist * e) > bent * twist * most * most * most
+        by_e = ROOT_2 * abs(piece.twist * piece.e)
+        convex = piece.gc - by_e > curl * piece.twist * most * most * most
         least = min(cl, cr)
-        concave = gc + ROOT_2 * abs(twist * e) < bent * twist * least * least * least
+        concave = piece.gc + by_e < curl * piece.twist * least * least * least
         sure = convex & (inside | (before & (g >= 0.0)) | (beyond & (g <= 0.0)))
         # otherwise an end may be lower
-        fl = f0 - gs * sl - gc * cl - twist * (ac * sl * sl + e * sl * cl + bd * cl * cl)
-        fr = f0 - gs * sr - gc * cr - twist * (ac * sr * sr + e * sr * cr + bd * cr * cr)
+        fl, fr = gap_at(piece, sl, cl), gap_at(piece, sr, cr)
         at_l, at_r = (not sure) & (fl <= fr) & (fl < f), (not sure) & (fr < fl) & (fr < f)
         before, beyond = (before | at_l) & (not at_r), (beyond | at_r) & (not at_l)
         s, k = (sl if at_l else (sr if at_r else s)), (cl if at_l else (cr if at_r else k))

@@ -8,6 +8,7 @@ height on both sides, because it is convex over u² as well. That bounds the gap
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,35 +21,100 @@ from .layout import BOUND, CELL, LANES, LOWEST, NODES, ROOM, SIDE, TREAD
 Array = NDArray[np.float64]
 
 
+class GridEdge(NamedTuple):
+    """Edge of a cell along x or y, in the tread's coordinates."""
+
+    du: float  # end minus start, m
+    dv: float
+    over_du: float  # 1 / du, kept finite
+    over_dv: float  # 1 / dv, kept finite
+    p_back: float  # 1 / (2 × curvature coefficient of P along the edge)
+    b_back: float  # the same of B
+
+
 @inlined
-def _edge(
-    radius: float, half: float, zh: float, cos: float, tan: float, over: float, az: float,
-    h: float, to: float, u: float, v: float, du: float, dv: float, over_du: float,
-) -> tuple[float, float, float, float, bool]:  # fmt: skip
-    """Return the lowest tread-to-terrain distance over one edge of a cell.
+def _along_x(lanes: Array, l: int) -> GridEdge:
+    """Return the edges along x.
 
     Args:
-        radius: radius of the wheel, m.
-        half: half its width, m.
-        zh, cos, tan, over, az: `TreadRows`.
-        h: height at the start, m.
-        to: height at the end, m.
-        u, v: start of the edge, m.
-        du, dv: end minus start, m.
-        over_du: 1 / du, kept finite.
+        lanes: the lane array (`layout`).
+        l: lane.
 
-    Returns:
-        Gap, sin φ, cos φ, offset, and True if that point is inside the tread.
+    Reads:  TREAD.u_x, TREAD.v_x, TREAD.over_x, TREAD.aside_x, TREAD.p_x, TREAD.b_x
+    Writes: none
     """
+    return GridEdge(
+        lanes[TREAD.u_x + l],
+        lanes[TREAD.v_x + l],
+        lanes[TREAD.over_x + l],
+        lanes[TREAD.aside_x + l],
+        lanes[TREAD.p_x + l],
+        lanes[TREAD.b_x + l],
+    )
+
+
+@inlined
+def _along_y(lanes: Array, l: int) -> GridEdge:
+    """Return the edges along y.
+
+    Args:
+        lanes: the lane array (`layout`).
+        l: lane.
+
+    Reads:  TREAD.u_y, TREAD.v_y, TREAD.over_y, TREAD.aside_y, TREAD.p_y, TREAD.b_y
+    Writes: none
+    """
+    return GridEdge(
+        lanes[TREAD.u_y + l],
+        lanes[TREAD.v_y + l],
+        lanes[TREAD.over_y + l],
+        lanes[TREAD.aside_y + l],
+        lanes[TREAD.p_y + l],
+        lanes[TREAD.b_y + l],
+    )
+
+
+@inlined
+def _keep_lower_edge(
+    lanes: Array, l: int, radius: float, h: float, to: float, start: tuple[float, float], edge: GridEdge,
+    col: float, row: float, counts: bool,
+) -> None:  # fmt: skip
+    """Find the lowest gap over one edge of a cell, and keep it if it is lower.
+
+    Args:
+        lanes: the lane array (`layout`).
+        l: lane.
+        radius: radius of the wheel, m.
+        h: height at the start of the edge, m.
+        to: height at its end, m.
+        start: u and v of its start, m.
+        edge: the edge.
+        col, row: its cell.
+        counts: True if the edge exists.
+
+    Reads:  LOWEST.gap, LOWEST.sine, LOWEST.cosine, LOWEST.offset, LOWEST.col, LOWEST.row, TREAD.zh, TREAD.cos, TREAD.tan,
+            TREAD.over, TREAD.az, TREAD.half
+    Writes: LOWEST.gap, LOWEST.sine, LOWEST.cosine, LOWEST.offset, LOWEST.col, LOWEST.row
+    """
+    u, v = start
+    half, zh, cos, tan, over, az = (
+        lanes[TREAD.half + l],
+        lanes[TREAD.zh + l],
+        lanes[TREAD.cos + l],
+        lanes[TREAD.tan + l],
+        lanes[TREAD.over + l],
+        lanes[TREAD.az + l],
+    )
     rise = to - h
-    m = (rise - dv * tan) * cos * over_du  # u / q where T runs along the edge as the terrain does
-    t = min(max((radius * m / math.sqrt(1.0 + m * m) - u) * over_du, 0.0), 1.0)
-    at_u, at_v = u + t * du, v + t * dv
+    m = (rise - edge.dv * tan) * cos * edge.over_du  # u / q where T is parallel to the edge
+    t = min(max((radius * m / math.sqrt(1.0 + m * m) - u) * edge.over_du, 0.0), 1.0)
+    at_u, at_v = u + t * edge.du, v + t * edge.dv
     square = radius * radius - at_u * at_u
     q = math.sqrt(max(square, 0.0))
     s = (at_v - q * az) * over
     gap = zh + at_v * tan - q * over - h - t * rise
-    return gap, at_u / radius, q / radius, s, (square > 0.0) & (abs(s) <= half)
+    inside = (square > 0.0) & (abs(s) <= half)
+    keep_lower_inside(lanes, l, gap, at_u / radius, q / radius, s, col, row, counts & inside)
 
 
 @inlined
@@ -123,6 +189,34 @@ def _room(first: float, last: float, start: float, slope: float, curvature: floa
     return start + t * (slope + t * curvature) if first <= last else math.inf
 
 
+@inlined
+def _bound_edge(lanes: Array, l: int, radius: float, u: float, v: float, h: float, to: float, edge: GridEdge) -> float:
+    """Return a lower bound of the gap over an edge: the greater of those by P and by B.
+
+    Args:
+        lanes: the lane array (`layout`).
+        l: lane.
+        radius: half the extent of the tread along u, m.
+        u, v: start of the edge, m.
+        h: height there, m.
+        to: height at the end of the edge, m.
+        edge: the edge.
+
+    Reads:  TREAD.tan, TREAD.v_low, TREAD.v_high, TREAD.p_0, TREAD.p_uu, TREAD.b_0, TREAD.b_uu
+    Writes: none
+    """
+    tan, p, b, square = lanes[TREAD.tan + l], lanes[TREAD.p_uu + l], lanes[TREAD.b_uu + l], u * u
+    level, rise = tan * v - h, tan * edge.dv - (to - h)
+    first, last = _under(radius, lanes[TREAD.v_low + l], lanes[TREAD.v_high + l], u, v, edge.over_du, edge.over_dv)
+    by_p = _room(
+        first, last, lanes[TREAD.p_0 + l] + p * square + level, 2.0 * p * u * edge.du + rise, p * edge.du * edge.du, edge.p_back
+    )
+    by_b = _room(
+        first, last, lanes[TREAD.b_0 + l] + b * square + level, 2.0 * b * u * edge.du + rise, b * edge.du * edge.du, edge.b_back
+    )
+    return max(by_p, by_b)
+
+
 @fma_njit
 def bound_edges(lanes: Array, rover: Array, i: int, columns: int, lines: int) -> None:
     """Compute lower bounds of wheel i's gap over the edges of the grid.
@@ -150,82 +244,16 @@ def bound_edges(lanes: Array, rover: Array, i: int, columns: int, lines: int) ->
             out = NODES.bound + min(m * columns + n, ROOM - 1) * LANES
             for l in range(LANES):
                 h, h_right, h_above = lanes[at + l], lanes[right + l], lanes[above + l]
-                col, row, du, dv, eu, ev = (
-                    lanes[TREAD.col_0 + l] + n,
-                    lanes[TREAD.row_0 + l] + m,
-                    lanes[TREAD.u_x + l],
-                    lanes[TREAD.v_x + l],
-                    lanes[TREAD.u_y + l],
-                    lanes[TREAD.v_y + l],
-                )
-                u, v = lanes[TREAD.u0 + l] + col * du + row * eu, lanes[TREAD.v0 + l] + col * dv + row * ev
-                tan, p, b, square = lanes[TREAD.tan + l], lanes[TREAD.p_uu + l], lanes[TREAD.b_uu + l], u * u
-                level, to_right, to_above = tan * v - h, tan * dv - (h_right - h), tan * ev - (h_above - h)
-                first, last = _under(
-                    radius,
-                    lanes[TREAD.v_low + l],
-                    lanes[TREAD.v_high + l],
-                    u,
-                    v,
-                    lanes[TREAD.over_x + l],
-                    lanes[TREAD.aside_x + l],
-                )
-                of_right = max(
-                    _room(
-                        first,
-                        last,
-                        lanes[TREAD.p_0 + l] + p * square + level,
-                        2.0 * p * u * du + to_right,
-                        p * du * du,
-                        lanes[TREAD.p_x + l],
-                    ),
-                    _room(
-                        first,
-                        last,
-                        lanes[TREAD.b_0 + l] + b * square + level,
-                        2.0 * b * u * du + to_right,
-                        b * du * du,
-                        lanes[TREAD.b_x + l],
-                    ),
-                )
-                first, last = _under(
-                    radius,
-                    lanes[TREAD.v_low + l],
-                    lanes[TREAD.v_high + l],
-                    u,
-                    v,
-                    lanes[TREAD.over_y + l],
-                    lanes[TREAD.aside_y + l],
-                )
-                of_above = max(
-                    _room(
-                        first,
-                        last,
-                        lanes[TREAD.p_0 + l] + p * square + level,
-                        2.0 * p * u * eu + to_above,
-                        p * eu * eu,
-                        lanes[TREAD.p_y + l],
-                    ),
-                    _room(
-                        first,
-                        last,
-                        lanes[TREAD.b_0 + l] + b * square + level,
-                        2.0 * b * u * eu + to_above,
-                        b * eu * eu,
-                        lanes[TREAD.b_y + l],
-                    ),
-                )
+                along_x, along_y = _along_x(lanes, l), _along_y(lanes, l)
+                col, row = lanes[TREAD.col_0 + l] + n, lanes[TREAD.row_0 + l] + m
+                u = lanes[TREAD.u0 + l] + col * along_x.du + row * along_y.du
+                v = lanes[TREAD.v0 + l] + col * along_x.dv + row * along_y.dv
+                of_right = _bound_edge(lanes, l, radius, u, v, h, h_right, along_x)
+                of_above = _bound_edge(lanes, l, radius, u, v, h, h_above, along_y)
                 known = h == h
-                of_right = (
-                    of_right
-                    if known & (h_right == h_right) & (col < lanes[TREAD.col_1 + l]) & (row <= lanes[TREAD.row_1 + l])
-                    else math.inf
-                )
-                of_above = (
-                    of_above
-                    if known & (h_above == h_above) & (col <= lanes[TREAD.col_1 + l]) & (row < lanes[TREAD.row_1 + l])
-                    else math.inf
-                )
+                has_right = known & (h_right == h_right) & (col < lanes[TREAD.col_1 + l]) & (row <= lanes[TREAD.row_1 + l])
+                has_above = known & (h_above == h_above) & (col <= lanes[TREAD.col_1 + l]) & (row < lanes[TREAD.row_1 + l])
+                of_right, of_above = (of_right if has_right else math.inf), (of_above if has_above else math.inf)
                 lanes[out + l] = min(of_right, of_above)
 
 
@@ -263,44 +291,21 @@ def edges_of_nodes(lanes: Array, rover: Array, i: int) -> None:
 
     Reads:  BOUND.low, CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, LOWEST.gap, LOWEST.sine, LOWEST.cosine, LOWEST.offset,
             LOWEST.col, LOWEST.row, TREAD.zh, TREAD.cos, TREAD.tan, TREAD.over, TREAD.az, TREAD.u0, TREAD.v0, TREAD.u_x,
-            TREAD.u_y, TREAD.v_x, TREAD.v_y, TREAD.over_x, TREAD.over_y, TREAD.col_1, TREAD.row_1, TREAD.half
+            TREAD.u_y, TREAD.v_x, TREAD.v_y, TREAD.over_x, TREAD.over_y, TREAD.aside_x, TREAD.aside_y, TREAD.p_x, TREAD.p_y,
+            TREAD.b_x, TREAD.b_y, TREAD.col_1, TREAD.row_1, TREAD.half
     Writes: LOWEST.gap, LOWEST.sine, LOWEST.cosine, LOWEST.offset, LOWEST.col, LOWEST.row
     """
     i = min(max(i, 0), 5)
     radius = rover[P_RADIUS + i]
     for l in range(LANES):
-        col, row, du, dv, eu, ev = (
-            lanes[CELL.col + l],
-            lanes[CELL.row + l],
-            lanes[TREAD.u_x + l],
-            lanes[TREAD.v_x + l],
-            lanes[TREAD.u_y + l],
-            lanes[TREAD.v_y + l],
-        )
-        u, v, h, sought = (
-            lanes[TREAD.u0 + l] + col * du + row * eu,
-            lanes[TREAD.v0 + l] + col * dv + row * ev,
-            lanes[CELL.h00 + l],
-            lanes[BOUND.low + l] < math.inf,
-        )
-        half, zh, cos, tan, over, az = (
-            lanes[TREAD.half + l],
-            lanes[TREAD.zh + l],
-            lanes[TREAD.cos + l],
-            lanes[TREAD.tan + l],
-            lanes[TREAD.over + l],
-            lanes[TREAD.az + l],
-        )
-        end_col, end_row, over_x, over_y = (
-            lanes[TREAD.col_1 + l],
-            lanes[TREAD.row_1 + l],
-            lanes[TREAD.over_x + l],
-            lanes[TREAD.over_y + l],
-        )
-        gap, sine, cosine, s, inside = _edge(radius, half, zh, cos, tan, over, az, h, lanes[CELL.h01 + l], u, v, du, dv, over_x)
-        keep_lower_inside(lanes, l, gap, sine, cosine, s, col, row, sought & inside & (col < end_col) & (row <= end_row))
-        gap, sine, cosine, s, inside = _edge(radius, half, zh, cos, tan, over, az, h, lanes[CELL.h10 + l], u, v, eu, ev, over_y)
-        keep_lower_inside(lanes, l, gap, sine, cosine, s, col, row, sought & inside & (col <= end_col) & (row < end_row))
+        col, row, sought = lanes[CELL.col + l], lanes[CELL.row + l], lanes[BOUND.low + l] < math.inf
+        end_col, end_row, h = lanes[TREAD.col_1 + l], lanes[TREAD.row_1 + l], lanes[CELL.h00 + l]
+        along_x, along_y = _along_x(lanes, l), _along_y(lanes, l)
+        u = lanes[TREAD.u0 + l] + col * along_x.du + row * along_y.du
+        v = lanes[TREAD.v0 + l] + col * along_x.dv + row * along_y.dv
+        has_right, has_above = sought & (col < end_col) & (row <= end_row), sought & (col <= end_col) & (row < end_row)
+        _keep_lower_edge(lanes, l, radius, h, lanes[CELL.h01 + l], (u, v), along_x, col, row, has_right)
+        _keep_lower_edge(lanes, l, radius, h, lanes[CELL.h10 + l], (u, v), along_y, col, row, has_above)
 
 
 @fma_njit
@@ -314,43 +319,18 @@ def edges_of_cells(lanes: Array, rover: Array, i: int) -> None:
 
     Reads:  CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, LOWEST.gap, LOWEST.sine, LOWEST.cosine, LOWEST.offset,
             LOWEST.col, LOWEST.row, TREAD.zh, TREAD.cos, TREAD.tan, TREAD.over, TREAD.az, TREAD.u0, TREAD.v0, TREAD.u_x,
-            TREAD.u_y, TREAD.v_x, TREAD.v_y, TREAD.over_x, TREAD.over_y, TREAD.half
+            TREAD.u_y, TREAD.v_x, TREAD.v_y, TREAD.over_x, TREAD.over_y, TREAD.aside_x, TREAD.aside_y, TREAD.p_x, TREAD.p_y,
+            TREAD.b_x, TREAD.b_y, TREAD.half
     Writes: LOWEST.gap, LOWEST.sine, LOWEST.cosine, LOWEST.offset, LOWEST.col, LOWEST.row
     """
     i = min(max(i, 0), 5)
     radius = rover[P_RADIUS + i]
     for l in range(LANES):
-        col, row, du, dv, eu, ev = (
-            lanes[CELL.col + l],
-            lanes[CELL.row + l],
-            lanes[TREAD.u_x + l],
-            lanes[TREAD.v_x + l],
-            lanes[TREAD.u_y + l],
-            lanes[TREAD.v_y + l],
-        )
-        u, v = lanes[TREAD.u0 + l] + col * du + row * eu, lanes[TREAD.v0 + l] + col * dv + row * ev
-        half, zh, cos, tan, over, az = (
-            lanes[TREAD.half + l],
-            lanes[TREAD.zh + l],
-            lanes[TREAD.cos + l],
-            lanes[TREAD.tan + l],
-            lanes[TREAD.over + l],
-            lanes[TREAD.az + l],
-        )
-        over_x, over_y = lanes[TREAD.over_x + l], lanes[TREAD.over_y + l]
-        gap, sine, cosine, s, inside = _edge(
-            radius, half, zh, cos, tan, over, az, lanes[CELL.h00 + l], lanes[CELL.h01 + l], u, v, du, dv, over_x
-        )
-        keep_lower_inside(lanes, l, gap, sine, cosine, s, col, row, inside)
-        gap, sine, cosine, s, inside = _edge(
-            radius, half, zh, cos, tan, over, az, lanes[CELL.h00 + l], lanes[CELL.h10 + l], u, v, eu, ev, over_y
-        )
-        keep_lower_inside(lanes, l, gap, sine, cosine, s, col, row, inside)
-        gap, sine, cosine, s, inside = _edge(
-            radius, half, zh, cos, tan, over, az, lanes[CELL.h10 + l], lanes[CELL.h11 + l], u + eu, v + ev, du, dv, over_x
-        )
-        keep_lower_inside(lanes, l, gap, sine, cosine, s, col, row, inside)
-        gap, sine, cosine, s, inside = _edge(
-            radius, half, zh, cos, tan, over, az, lanes[CELL.h01 + l], lanes[CELL.h11 + l], u + du, v + dv, eu, ev, over_y
-        )
-        keep_lower_inside(lanes, l, gap, sine, cosine, s, col, row, inside)
+        col, row, along_x, along_y = lanes[CELL.col + l], lanes[CELL.row + l], _along_x(lanes, l), _along_y(lanes, l)
+        u = lanes[TREAD.u0 + l] + col * along_x.du + row * along_y.du
+        v = lanes[TREAD.v0 + l] + col * along_x.dv + row * along_y.dv
+        a, b, d, e = lanes[CELL.h00 + l], lanes[CELL.h01 + l], lanes[CELL.h10 + l], lanes[CELL.h11 + l]
+        _keep_lower_edge(lanes, l, radius, a, b, (u, v), along_x, col, row, True)
+        _keep_lower_edge(lanes, l, radius, a, d, (u, v), along_y, col, row, True)
+        _keep_lower_edge(lanes, l, radius, d, e, (u + along_y.du, v + along_y.dv), along_x, col, row, True)
+        _keep_lower_edge(lanes, l, radius, b, e, (u + along_x.du, v + along_x.dv), along_y, col, row, True)

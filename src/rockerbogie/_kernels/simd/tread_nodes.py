@@ -1,4 +1,4 @@
-"""Treads of `LANES` wheels in their own coordinates, and the nodes of bilinear terrain under them."""
+"""Treads of `LANES` wheels in their own coordinates, and the grid nodes under them."""
 
 from __future__ import annotations
 

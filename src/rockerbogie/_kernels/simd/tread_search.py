@@ -263,8 +263,8 @@ def track_insides(lanes: Array, rover: Array, meta: Array, i: int) -> None:
 
     Reads:  CONTACT.offset, BOUND.low, CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, LOWEST.gap, LOWEST.sine,
             LOWEST.cosine, LOWEST.offset, LOWEST.col, LOWEST.row, LOWEST.doubt, TREAD.zh, TREAD.cos, TREAD.tan, TREAD.over,
-            TREAD.az, TREAD.u0, TREAD.v0, TREAD.u_x, TREAD.u_y, TREAD.v_x, TREAD.v_y, TREAD.over_x, TREAD.over_y, TREAD.det,
-            TREAD.half
+            TREAD.az, TREAD.u0, TREAD.v0, TREAD.u_x, TREAD.u_y, TREAD.v_x, TREAD.v_y, TREAD.over_x, TREAD.over_y, TREAD.aside_x,
+            TREAD.aside_y, TREAD.p_x, TREAD.p_y, TREAD.b_x, TREAD.b_y, TREAD.det, TREAD.half
     Writes: BOUND.low, LOWEST.gap, LOWEST.sine, LOWEST.cosine, LOWEST.offset, LOWEST.col, LOWEST.row, LOWEST.doubt, TREAD.half
     """
     half = rover[P_HALF + i]

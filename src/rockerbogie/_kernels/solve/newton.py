@@ -22,7 +22,7 @@ from ..model.linkage import (
     forward_kinematics,
     gap_jacobian_row,
 )
-from ..model.tolerances import MAX_STEP_ANGLE
+from ..model.tolerances import CONVERGED_GAP, MAX_ANGLE, MAX_STEP_ANGLE, SEARCH_GAP
 from ..model.wheel import COSINE, GAP, HX, HY, HZ, PLACE, RADIUS, SIN, contact_slope, tread_point
 from ..search.body_box import NEAR_ROOM, NEAR_SIZE, box_over_ground
 from ..search.tread import BLANK, FOUND, OFF, least_gap
@@ -187,12 +187,12 @@ def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: floa
                     return code
                 coverage = code if code != FOUND else coverage
             worst = max(worst, abs(t[GAP]))
-        if worst < TOLERANCE:
+        if worst < CONVERGED_GAP:
             if whole:
                 return coverage if coverage == FOUND else coverage + FOUND_OVER
             whole = True  # converged on the tracked contacts: search the whole treads for a lower one
             continue
-        whole = it >= FOLLOWED or worst < NEARLY
+        whole = it >= FOLLOWED or worst < SEARCH_GAP
         for i in range(6):
             t, w = touch[i], wheels[i]
             px, py, pz = tread_point(w, t[SIN], t[COSINE], t[PLACE])
@@ -209,15 +209,12 @@ def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: floa
 
 # Codes as rockerbogie.Status
 CONVERGED, OFF_MAP, NO_DATA, JOINT_STOP, NOT_CONVERGED, WHEEL_LIFTED, BELLY_CONTACT, TIPPED = range(8)
-TOLERANCE = 1e-10  # m: every gap at convergence
 STEPS = 18  # Newton steps of one start: 3 suffice on smooth terrain, 5 on rough; a cycle shows by then
-NEARLY = 1e-5  # m: from this gap on, the whole tread is searched at each step
 FOLLOWED = 8  # steps with tracked contacts; the later ones search the whole tread
 STARTS = 32
 STRAYED = 8  # starts that put a wheel wholly off the known terrain before the search ends
 FOUND_OVER = 8  # added to OFF or BLANK
 EDGE_STARTS = 3  # starts that may lead to a pose across the map's edge before the status is OFF_MAP
-WIDEST = 1.4  # rad: a joint or attitude beyond this belongs to a folded linkage, and is refused
 
 
 @njit
@@ -284,7 +281,7 @@ def settle_contact(ground: Ground, rover: Array, x: float, y: float, cy: float, 
             edges += over == OFF
             if edges == EDGE_STARTS:
                 break
-        elif code == FOUND and max(max(abs(q[1]), abs(q[2])), max(abs(q[3]), max(abs(q[4]), abs(q[5])))) < WIDEST:
+        elif code == FOUND and max(max(abs(q[1]), abs(q[2])), max(abs(q[3]), max(abs(q[4]), abs(q[5])))) < MAX_ANGLE:
             return JOINT_STOP if beyond_stops(rover, q) else CONVERGED
     q[:] = math.nan
     return NOT_CONVERGED if over == FOUND else (OFF_MAP if over == OFF else NO_DATA)
