@@ -1,1 +1,1 @@
-"""The numeric core: numba only, scalar maths first, one parallel loop over the batch above it."""
+"""Compiled kernels: models, searches, solvers of one pose and of 16 (SIMD), batch loops."""

@@ -43,7 +43,7 @@ SETTINGS = ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "BOUNDSCHECK", "USING_SVML
 
 
 def hash_of_sources() -> str:
-    """Return the SHA-256 hash (hexadecimal) of the relative paths and the contents of all kernel sources."""
+    """Return the SHA-256 hash of paths and contents of all kernel sources, hexadecimal."""
     digest = hashlib.sha256()
     for file in sorted(SOURCES.rglob("[!.]*.py")):
         content = file.read_bytes()
@@ -58,10 +58,11 @@ IMPORTED_SOURCES = hash_of_sources()
 
 @functools.cache
 def cache_folders() -> tuple[Path, ...]:
-    """Return the folders that compiled kernels are read from, in order; they are written to the last one if it is writable.
+    """Return the folders that compiled kernels are read from, in order.
 
-    They are NUMBA_CACHE_DIR if it is set, then the package itself, then the user's cache folder. The list ends at the first
-    one that is writable, so that kernels compiled into a read-only install are found there.
+    Kernels are written to the last one, if it is writable. The folders are NUMBA_CACHE_DIR if it is set, then the package
+    itself, then the user's cache folder. The list ends at the first one that is writable, so that kernels compiled into a
+    read-only install are found there.
     """
     processor = numba.core.registry.cpu_target.target_context.codegen().magic_tuple()
     settings = [str(getattr(numba.config, name, None)) for name in SETTINGS]
@@ -111,11 +112,19 @@ def _remove_oldest(folder: Path) -> None:
 
 
 class KernelCache:
-    """Disk cache of one kernel, a file for each signature, with the interface of numba's `FunctionCache`."""
+    """Disk cache of one kernel, a file for each signature.
+
+    It has the interface of numba's `FunctionCache`.
+    """
 
     _cannot_write = False
 
     def __init__(self, dispatcher: Any) -> None:
+        """Take name, code and closure of a kernel, which identify it in the cache.
+
+        Args:
+            dispatcher: result of `numba.njit`.
+        """
         function = dispatcher.py_func
         self._code, self._cells = function.__code__, function.__closure__ or ()
         self._name = f"{function.__module__.removeprefix('rockerbogie.')}.{function.__qualname__}".replace("<locals>", "")
@@ -141,7 +150,7 @@ class KernelCache:
         """Do nothing: a file is valid as long as its key is."""
 
     def _key(self, sig: Any) -> Any:
-        """Return what identifies a compiled kernel among those of a folder.
+        """Return the key of a compiled kernel among those of a folder.
 
         Args:
             sig: types of the arguments.
@@ -153,7 +162,11 @@ class KernelCache:
         return self._name, sig, self._source, hashlib.sha256(repr(code).encode()).hexdigest()
 
     def _file_name(self, key: Any) -> str:
-        """Return the name of the file that holds the kernel of a key."""
+        """Return the name of the file that holds the kernel of a key.
+
+        Args:
+            key: result of `_key`.
+        """
         return f"{self._name}-{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}.nbc"
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
@@ -245,7 +258,7 @@ def run_from_object(target_context: Any, payload: Any) -> Any:
 
     Args:
         target_context: numba's context of the processor.
-        payload: what `CompileResult._reduce` returned.
+        payload: result of `CompileResult._reduce`.
 
     Returns:
         The compile result, ready to be called and to be linked into callers.

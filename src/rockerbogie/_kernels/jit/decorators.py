@@ -1,4 +1,4 @@
-"""Decorators that compile kernels: division as in IEEE 754, NaN kept, cached on disk (`cache`)."""
+"""Decorators that compile kernels, with IEEE 754 division and a disk cache (`cache`)."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def _without_value(kind: Any) -> Any:
 def njit(function: F) -> F:
     """Compile a scalar kernel.
 
-    It runs without Python's global lock, so that threads can share a batch.
+    It releases Python's global lock, so that several threads can work on one batch.
 
     Args:
         function: Python function in numba's subset.
@@ -127,7 +127,19 @@ def specialize_on_ground(function: Callable[..., Any]) -> Callable[[Maker], Make
     """
 
     def register(make: Maker) -> Maker:
+        """Register a maker of functions for numba, and return it.
+
+        Args:
+            make: takes the type of the terrain and returns the function to compile.
+        """
+
         def choose(ground: Any, *rest: Any) -> Any:
+            """Return the function to compile for the types of a call.
+
+            Args:
+                ground: numba type of the terrain.
+                rest: numba types of the other arguments.
+            """
             return make(ground.instance_class)
 
         choose.__signature__ = inspect.signature(function)  # type: ignore[attr-defined]

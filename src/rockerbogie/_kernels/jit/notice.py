@@ -1,4 +1,4 @@
-"""Compile notice on a terminal, and a pause of the garbage collector, while kernels of this package are compiled."""
+"""Compile notice on a terminal, and a pause of the garbage collector, while kernels compile."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ NOTICE = "rockerbogie: compiling kernels for this machine, once, about a minute 
 
 
 class _CompileListener(event.Listener):  # type: ignore[misc]
-    """Listener of numba's compile events that reacts to this package's kernels and to no other function.
+    """Listener of numba's compile events, for this package's kernels only.
 
-    Compiling keeps nearly all objects that it makes: searching them for garbage took one eighth of the time.
+    Compilation keeps nearly all objects that it creates: searching them for garbage took one eighth of the time.
     """
 
     def __init__(self) -> None:
@@ -30,7 +30,7 @@ class _CompileListener(event.Listener):  # type: ignore[misc]
         return isinstance(found.data, dict) and id(found.data.get("dispatcher")) in self.kernels
 
     def on_start(self, found: event.Event) -> None:
-        """Print the notice and pause the garbage collector, unless a caller's compilation did.
+        """Print the notice and pause the garbage collector, unless a caller is being compiled.
 
         Args:
             found: event of the compiler.
@@ -74,10 +74,10 @@ def announce(dispatcher: Any) -> None:
 
 
 def silence() -> None:
-    """Print no notice in this process: the caller shows progress itself."""
+    """Suppress the notice in this process, because the caller shows progress itself."""
     _listener.noticed = True
 
 
 def compiled_count() -> int:
-    """Return the number of kernels that this process has compiled so far: one for each signature, callees included."""
+    """Return the number of kernels compiled so far in this process, by signature, with callees."""
     return _listener.count

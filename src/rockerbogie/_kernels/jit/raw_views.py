@@ -1,4 +1,4 @@
-"""Memory access that numba does not offer: views without reference counts, shifted views, and gathers of grid nodes.
+"""Memory access that numba lacks: unowned views, shifted views and gathers of grid nodes.
 
 Each function exists twice: as an LLVM intrinsic for compiled kernels, and in plain Python if NUMBA_DISABLE_JIT is set.
 """
@@ -17,7 +17,7 @@ from numba.extending import intrinsic
 if config.DISABLE_JIT:
 
     def unowned_view(array: Any) -> Any:
-        """Return the array itself: plain Python has no use for a view without reference count.
+        """Return the array itself: plain Python needs no unowned views.
 
         Args:
             array: any array.

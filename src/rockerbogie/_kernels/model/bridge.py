@@ -1,4 +1,4 @@
-"""Missing data under one rover, bridged so that a search can pass over it."""
+"""Bridging of missing data under one rover, so that a search can pass over it."""
 
 from __future__ import annotations
 
@@ -114,10 +114,20 @@ def _with_grid_of(kind: type) -> Any:
     """
 
     def on_cubic(ground: Ground, grid: Array, row: int, col: int) -> Ground:
+        """Return cubic terrain with another grid.
+
+        Args:
+            ground, grid, row, col: as `with_grid` takes them.
+        """
         # The upper bound is infinite beside missing data and otherwise that of the known cells: it holds for this grid.
         return CubicGround(window(grid, row, col), ground.upper_bound, ground.meta)
 
     def on_linear(ground: Ground, grid: Array, row: int, col: int) -> Ground:
+        """Return bilinear terrain with another grid.
+
+        Args:
+            ground, grid, row, col: as `with_grid` takes them.
+        """
         return LinearGround(window(grid, row, col), window(grid, row, col), ground.meta)
 
     return on_cubic if kind is CubicGround else on_linear

@@ -1,15 +1,12 @@
 """Height, slope and curvature of a height field at a point.
 
-A packed terrain has `grid`, `upper_bound` and `meta`. On bilinear terrain `grid` holds the nodes. On cubic terrain
-it holds the
-coefficients of the C2 tensor-product B-spline through them, one ring wider than the map. NaN marks missing data:
-each cell
-that uses a NaN is missing. Positions are from the map's first node, heights from META_Z.
+A packed terrain has `grid`, `upper_bound` and `meta`. On bilinear terrain `grid` holds the nodes. On cubic terrain it holds the
+coefficients of the C2 tensor-product B-spline through them, one ring wider than the map. NaN marks missing data: each cell that
+uses a NaN is missing. Positions are from the map's first node, heights from META_Z.
 
-A terrain may be a window, the part of a map that META_ROW and META_COL give. Positions and indices stay the map's,
-so that a
-result in a window is bit-identical to that of the map. The batch loops use `borrow`; their callers ensure that no index
-lies outside the window.
+A terrain may be a window, the part of a map that META_ROW and META_COL give. Positions and indices stay the map's, so that a
+result in a window is bit-identical to that of the map. The batch loops use `borrow`; their callers ensure that no index lies
+outside the window.
 """
 
 from __future__ import annotations
@@ -23,7 +20,7 @@ from numpy.typing import NDArray
 from ..jit.decorators import inlined, njit, specialize_on_ground
 from ..jit.raw_views import unowned_view, window
 
-# META_MAX_CURVATURE: bound on the second derivative along any horizontal direction, 1/m; inf on bilinear terrain and if data is
+# META_MAX_CURVATURE: bound on the second derivative along any horizontal direction, 1/m; inf on bilinear terrain, and if data is
 # missing.
 # META_STEEP: bound on the slope of bilinear terrain; inf if data is missing, and on cubic terrain.
 # META_ROW, META_COL: node at which the arrays begin; 0 if they hold the whole map.
@@ -58,16 +55,16 @@ Ground = CubicGround | LinearGround
 
 
 def borrow(ground: Ground) -> Ground:
-    """Return the terrain's arrays as uncounted views, indexed as the map's.
+    """Return the terrain's arrays as unowned views, indexed as the map's.
 
     Args:
         ground: terrain; it must outlive the result.
     """
-    return _loan_of(type(ground))(ground)
+    return _borrow_of(type(ground))(ground)
 
 
 @specialize_on_ground(borrow)
-def _loan_of(kind: type) -> Any:
+def _borrow_of(kind: type) -> Any:
     """Return `borrow` for one kind of terrain.
 
     Args:
@@ -75,6 +72,11 @@ def _loan_of(kind: type) -> Any:
     """
 
     def lend(ground: Ground) -> Ground:
+        """Return the terrain's arrays as unowned views.
+
+        Args:
+            ground: terrain.
+        """
         row, col = int(ground.meta[META_ROW]), int(ground.meta[META_COL])
         return kind(window(ground.grid, row, col), window(ground.upper_bound, row, col), unowned_view(ground.meta))
 

@@ -11,14 +11,14 @@ from ..jit.decorators import fma_njit, inlined
 
 Array = NDArray[np.float64]
 
-#: π/2 in three parts, the first two short: what k of them leave of an angle is exact to 1e-16 for |k| < 2^20.
+#: π/2 in three parts, the first two short: an angle minus k times their sum is exact to 1e-16 for |k| < 2^20.
 PART_1, PART_2, PART_3 = 1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21
 #: fdlibm's polynomials within ±π/4 (Sun Microsystems, 1993).
 S1, S2, S3 = -1.66666666666666324348e-01, 8.33333333332248946124e-03, -1.98412698298579493134e-04
 S4, S5, S6 = 2.75573137070700676789e-06, -2.50507602534068634195e-08, 1.58969099521155010221e-10
 C1, C2, C3 = 4.16666666666666019037e-02, -1.38888888888741095749e-03, 2.48015872894767294178e-05
 C4, C5, C6 = -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.13596475577881948265e-11
-#: Angles beyond this are brought near zero one by one, first.
+#: Angles beyond this are first reduced one by one.
 FAR = 1e5  # rad
 
 
@@ -26,9 +26,8 @@ FAR = 1e5  # rad
 def sine_cosine(a: float) -> tuple[float, float]:
     """Return the sine and cosine of an angle, to two units in the last place; NaN for NaN.
 
-    The angle minus its nearest multiple of π/2 is the argument of two polynomials. Arithmetic selects which of them is
-    the sine, and
-    the signs.
+    The angle minus its nearest multiple of π/2 is the argument of two polynomials. Arithmetic selects which of them is the
+    sine, and the signs.
 
     Args:
         a: rad, at most `FAR` in magnitude.

@@ -1,8 +1,9 @@
-"""Lower bound of (patch z - terrain z) over one box; derived in `docs/verification.md`."""
+"""Lower bound of (patch z - terrain z) over one box; `docs/verification.md` derives it."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,17 +13,17 @@ from .patch import (
     BEST,
     CURVATURE,
     EPS,
-    HOLES,
+    MISSING,
     REACH,
     TARGET,
     A,
     N,
     P,
     T,
+    evaluate_point,
     keep_point,
     least_at,
     over_plane,
-    place,
     reach,
     taylor_bound,
 )
@@ -30,6 +31,7 @@ from .terrain import (
     BORDER,
     CURVATURE_SIZE,
     MXY,
+    Cells,
     Field,
     bound_curvature,
     cell_at,
@@ -41,13 +43,44 @@ from .terrain import (
 
 Array = NDArray[np.float64]
 
+
+class Box(NamedTuple):
+    """Box of a patch's parameters."""
+
+    a: float  # middle
+    b: float
+    da: float  # half ranges
+    db: float
+    rx: float  # m, bounds of |x - x at the middle| and of |y - y at the middle|
+    ry: float
+
+
+class Quadratic(NamedTuple):
+    """Derivatives of the gap by a and b at the middle of a box."""
+
+    ga: float
+    gb: float
+    gaa: float
+    gab: float
+    gbb: float
+
+
+class Side(NamedTuple):
+    """Constraint of one side of a cell: value (m) and derivatives at the middle of a box."""
+
+    value: float
+    by_a: float
+    by_b: float
+    by_aa: float
+
+
 #: Cells a box may reach over, along each axis, for the bound by second derivatives.
 CUBIC_SPAN, BILINEAR_SPAN = 3, 2
 
 
 @njit
 def bound_box(field: Field, patch: Array, w: Array, a: float, b: float, da: float, db: float) -> tuple[float, bool]:
-    """Bound the gap over a box from below, and try points of the box for the lowest gap.
+    """Bound the gap over a box from below, and evaluate points that may have the lowest gap.
 
     Args:
         field: the terrain.
@@ -61,16 +94,16 @@ def bound_box(field: Field, patch: Array, w: Array, a: float, b: float, da: floa
     Returns:
         The lower bound without the allowance for rounding, m; True if the box is longer along a than along b, in x and y.
     """
-    place(patch, a, b, w)
+    evaluate_point(patch, a, b, w)
     x, y, z = w[P], w[P + 1], w[P + 2]
     rx, ry = reach(patch, w, 0, da, db), reach(patch, w, 1, da, db)
     along_a = max(reach(patch, w, 0, da, 0.0), reach(patch, w, 1, da, 0.0)) >= max(abs(patch[A]), abs(patch[A + 1])) * db
-    pad = 16.0 * EPS * patch[REACH] + (2.0 * BORDER if w[HOLES] != 0.0 else 0.0)
+    pad = 16.0 * EPS * patch[REACH] + (2.0 * BORDER if w[MISSING] != 0.0 else 0.0)
     i0 = cell_index(x - rx - pad, field.dx, field.first_col, field.last_col)
     i1 = cell_index(x + rx + pad, field.dx, field.first_col, field.last_col)
     j0 = cell_index(y - ry - pad, field.dy, field.first_row, field.last_row)
     j1 = cell_index(y + ry + pad, field.dy, field.first_row, field.last_row)
-    i, j, known = cell_at(field, x, y, w[HOLES] != 0.0)
+    i, j, known = cell_at(field, x, y, w[MISSING] != 0.0)
     h = hx = hy = hxx = hxy = hyy = 0.0
     if known:
         h, hx, hy, hxx, hxy, hyy = surface_in_cell(field, i, j, x, y)
@@ -78,12 +111,12 @@ def bound_box(field: Field, patch: Array, w: Array, a: float, b: float, da: floa
     span = CUBIC_SPAN if field.cubic else BILINEAR_SPAN
     bound = -math.inf
     if not known or i1 - i0 >= span or j1 - j0 >= span or not field.cubic:
-        above, top = height_above_plane(field, i0, i1, j0, j1, x, y, h, hx, hy)
+        above, top = height_above_plane(field, Cells(i0, i1, j0, j1), x, y, h, hx, hy)
         bound = max(over_plane(patch, w, a, b, da, db, h + above, hx, hy), over_plane(patch, w, a, b, da, db, top, 0.0, 0.0))
     if bound >= w[TARGET] + w[BEST] or not known or i1 - i0 >= span or j1 - j0 >= span:
         return bound, along_a
     if field.cubic:
-        bound_curvature(field, i0, i1, j0, j1, rx, ry, hxx, hxy, hyy, w)
+        bound_curvature(field, Cells(i0, i1, j0, j1), rx, ry, (hxx, hxy, hyy), w)
         low, at_a, at_b = taylor_bound(patch, w, z - h, hx, hy, da, db, rx, ry)
         if low < w[BEST]:
             keep_point(field, patch, w, a + at_a, b + at_b)
@@ -91,30 +124,14 @@ def bound_box(field: Field, patch: Array, w: Array, a: float, b: float, da: floa
     low = math.inf
     for row in range(j0, j1 + 1):
         for col in range(i0, i1 + 1):
-            if w[HOLES] == 0.0 or cell_known(field, col, row):
-                one = bound_over_cell(field, patch, w, a, b, da, db, rx, ry, col, row, i0, i1, j0, j1)
+            if w[MISSING] == 0.0 or cell_known(field, col, row):
+                one = bound_over_cell(field, patch, w, Box(a, b, da, db, rx, ry), Cells(i0, i1, j0, j1), col, row)
                 low = min(low, one)
     return max(low, bound), along_a
 
 
 @njit
-def bound_over_cell(
-    field: Field,
-    patch: Array,
-    w: Array,
-    a: float,
-    b: float,
-    da: float,
-    db: float,
-    rx: float,
-    ry: float,
-    col: int,
-    row: int,
-    i0: int,
-    i1: int,
-    j0: int,
-    j1: int,
-) -> float:
+def bound_over_cell(field: Field, patch: Array, w: Array, box: Box, cells: Cells, col: int, row: int) -> float:
     """Bound the gap over the part of a box that lies over one bilinear cell.
 
     Where the box crosses the cell's sides, multipliers >= 0 of the sides' constraints keep the bound sharp: the dual of the
@@ -124,22 +141,16 @@ def bound_over_cell(
         field: bilinear terrain.
         patch: (PATCH_SIZE,).
         w: (WORK_SIZE,) with P, N, T of the box's middle; BEST is updated, CURVATURE is overwritten.
-        a: middle of the box.
-        b: middle of the box.
-        da: half range of a.
-        db: half range of b.
-        rx: bound of |x - x at the middle|, m.
-        ry: the same along y, m.
-        col: the cell.
-        row: the cell.
-        i0: first column that the box reaches over; at most one more follows.
-        i1: last column.
-        j0: first row.
-        j1: last row.
+        box: the box.
+        cells: cells that the box reaches over, at most two along each axis.
+        col: column of the cell.
+        row: row of the cell.
 
     Returns:
         Lower bound, m.
     """
+    a, b, da, db, rx, ry = box
+    i0, i1, j0, j1 = cells
     x, y, z = w[P], w[P + 1], w[P + 2]
     h, hx, hy, _, twist, _ = surface_in_cell(field, col, row, x, y)
     for k in range(CURVATURE_SIZE):
@@ -162,21 +173,22 @@ def bound_over_cell(
     caa = -(w[N + 2] - hx * w[N] - hy * w[N + 1]) - 2.0 * twist * w[T] * w[T + 1]
     cbb, cab = -2.0 * twist * patch[A] * patch[A + 1], -twist * (w[T] * patch[A + 1] + w[T + 1] * patch[A])
     side_x = side_y = 0.0
+    model = Quadratic(ga, gb, caa, cab, cbb)
     if sx != 0.0:
-        side_x = try_side(field, patch, w, a, b, da, db, cx, xa, xb, ga, gb, caa, cab, cbb, -sx * w[N])
+        side_x = try_side(field, patch, w, box, Side(cx, xa, xb, -sx * w[N]), model)
     if sy != 0.0:
-        side_y = try_side(field, patch, w, a, b, da, db, cy, ya, yb, ga, gb, caa, cab, cbb, -sy * w[N + 1])
+        side_y = try_side(field, patch, w, box, Side(cy, ya, yb, -sy * w[N + 1]), model)
     node_x = node_y = 0.0
     if det != 0.0:
         p, q = (xb * cy - yb * cx) / det, (ya * cx - xa * cy) / det
         p, q = min(max(p, -da), da), min(max(q, -db), db)
         for _ in range(2):
-            bent = caa - sx * w[N] * node_x - sy * w[N + 1] * node_y
-            na, nb = ga + bent * p + cab * q, gb + cab * p + cbb * q
+            curved = caa - sx * w[N] * node_x - sy * w[N + 1] * node_y
+            na, nb = ga + curved * p + cab * q, gb + cab * p + cbb * q
             node_x, node_y = max((ya * nb - yb * na) / det, 0.0), max((xb * na - xa * nb) / det, 0.0)
         keep_point(field, patch, w, a + p, b + q)
     target = w[BEST] + w[TARGET]
-    slack = 16.0 * EPS * patch[REACH] + (2.0 * BORDER if w[HOLES] != 0.0 else 0.0)
+    slack = 16.0 * EPS * patch[REACH] + (2.0 * BORDER if w[MISSING] != 0.0 else 0.0)
     for trial in range(7):
         lx = ly = 0.0
         if trial == 0:
@@ -206,47 +218,23 @@ def bound_over_cell(
 
 
 @njit
-def try_side(
-    field: Field,
-    patch: Array,
-    w: Array,
-    a: float,
-    b: float,
-    da: float,
-    db: float,
-    c: float,
-    ca: float,
-    cb: float,
-    ga: float,
-    gb: float,
-    caa: float,
-    cab: float,
-    cbb: float,
-    curl: float,
-) -> float:
-    """Try the lowest point of the box over the side of a cell, for the lowest gap.
+def try_side(field: Field, patch: Array, w: Array, box: Box, side: Side, model: Quadratic) -> float:
+    """Evaluate the gap at the lowest point of the box over the side of a cell.
 
     Args:
         field: bilinear terrain.
         patch: (PATCH_SIZE,).
         w: (WORK_SIZE,) BEST is updated.
-        a: middle of the box.
-        b: middle of the box.
-        da: half range of a.
-        db: half range of b.
-        c: the side's constraint at the middle, m.
-        ca: its derivative by a.
-        cb: its derivative by b.
-        ga: the gap's derivative by a.
-        gb: the gap's derivative by b.
-        caa: the gap's second derivative.
-        cab: the same.
-        cbb: the same.
-        curl: the constraint's second derivative by a.
+        box: the box.
+        side: the side.
+        model: derivatives of the gap.
 
     Returns:
         The side's multiplier there: minus the gap's derivative over the constraint's, 0 if that is negative.
     """
+    a, b, da, db, _, _ = box
+    c, ca, cb, curl = side
+    ga, gb, caa, cab, cbb = model
     if abs(ca) * da >= abs(cb) * db:
         if ca == 0.0:
             return 0.0

@@ -1,4 +1,4 @@
-"""Branch and bound for the minimum of (patch z - terrain z): the kernel of `rockerbogie.verify`.
+"""Branch and bound for the minimum of (patch z - terrain z), for `rockerbogie.verify`.
 
 It shares no code with the kernels that settle. A box of the patch is bounded from below (`verify_box`), and dropped if no
 point of it can lie more than the tolerance under the lowest point found. The box with the lowest bound is halved next, until
@@ -20,7 +20,7 @@ from .patch import (
     EPS,
     HALF_A,
     HALF_B,
-    HOLES,
+    MISSING,
     REACH,
     ROUND,
     ROUNDING,
@@ -31,7 +31,7 @@ from .patch import (
     P,
     U,
     V,
-    place,
+    evaluate_point,
     reach,
 )
 from .terrain import BORDER, Field, cell_index, cell_known, make_field, survey
@@ -113,7 +113,7 @@ def search_patch(field: Field, patch: Array, w: Array, heap: Array, limit: int) 
     Args:
         field: the terrain, known under the whole patch.
         patch: (PATCH_SIZE,).
-        w: (WORK_SIZE,) BEST, TARGET, HOLES are read; BEST becomes the lowest value found, if that is lower.
+        w: (WORK_SIZE,) BEST, TARGET, MISSING are read; BEST becomes the lowest value found, if that is lower.
         heap: (limit + 2 SECTORS, BOX_SIZE) working memory.
         limit: boxes that may be bounded.
 
@@ -177,7 +177,7 @@ def known_under(field: Field, patch: Array, w: Array, heap: Array, limit: int) -
             return True, True
         size -= 1
         a, b, da, db = heap[size, MIDDLE_A], heap[size, MIDDLE_B], heap[size, RANGE_A], heap[size, RANGE_B]
-        place(patch, a, b, w)
+        evaluate_point(patch, a, b, w)
         x, y = w[P], w[P + 1]
         rx, ry = reach(patch, w, 0, da, db), reach(patch, w, 1, da, db)
         if near_known(field, x, y, rx, ry):
@@ -281,7 +281,7 @@ def prepare_patch(field: Field, patch: Array, w: Array, heap: Array, tolerance: 
     Args:
         field: the terrain.
         patch: (PATCH_SIZE,); REACH and AMPLITUDE are written.
-        w: (WORK_SIZE,); ROUNDING, TARGET, HOLES are written.
+        w: (WORK_SIZE,); ROUNDING, TARGET, MISSING are written.
         heap: (limit + 2 SECTORS, BOX_SIZE) working memory.
         tolerance: width of the bracket wanted, m.
         limit: boxes that may be looked at.
@@ -314,7 +314,7 @@ def prepare_patch(field: Field, patch: Array, w: Array, heap: Array, tolerance: 
         missing = True  # beyond the window, or on the map's edge: look closely
     if low_y < field.first_row * field.dy or high_y > (field.last_row + 1) * field.dy:
         missing = True
-    w[HOLES] = 1.0 if missing else 0.0
+    w[MISSING] = 1.0 if missing else 0.0
     w[ROUNDING] = EPS * (192.0 * highest + 32.0 * size * (1.0 + slope))
     w[TARGET] = 2.0 * w[ROUNDING] - tolerance
     if not missing:
@@ -349,9 +349,6 @@ def verify_batch(
         boxes: (n, TREADS + 1) receives how many boxes were bounded.
         start: first pose.
         stop: one past the last pose.
-
-    Returns:
-        Nothing.
     """
     field = make_field(grid, meta)
     heap = np.empty((limit + 2 * SECTORS, BOX_SIZE))

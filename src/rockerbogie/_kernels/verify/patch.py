@@ -24,7 +24,7 @@ PATCH_SIZE = 19
 
 # Working array of a search: the box's middle P, N(a) and T = dN/da there; curvature ranges; best gap; rounding, m.
 # CURVATURE is 0, as `terrain.bound_curvature` writes there.
-CURVATURE, P, N, T, BEST, ROUNDING, HOLES, TARGET = 0, 6, 9, 12, 15, 16, 17, 18
+CURVATURE, P, N, T, BEST, ROUNDING, MISSING, TARGET = 0, 6, 9, 12, 15, 16, 17, 18
 WORK_SIZE = 19
 
 EPS = 2.0**-52
@@ -33,7 +33,7 @@ NEARLY_SINGULAR = 1e-6
 
 
 @njit
-def place(patch: Array, a: float, b: float, w: Array) -> None:
+def evaluate_point(patch: Array, a: float, b: float, w: Array) -> None:
     """Write the point P(a, b), N(a) and T(a).
 
     Args:
@@ -41,9 +41,6 @@ def place(patch: Array, a: float, b: float, w: Array) -> None:
         a: parameter.
         b: parameter.
         w: (WORK_SIZE,) receives P, N, T.
-
-    Returns:
-        Nothing.
     """
     if patch[ROUND] != 0.0:
         c, s = math.cos(a), math.sin(a)
@@ -85,9 +82,6 @@ def keep_point(field: Field, patch: Array, w: Array, a: float, b: float) -> None
         w: (WORK_SIZE,) BEST is updated.
         a: parameter, limited to the patch.
         b: parameter, limited to the patch.
-
-    Returns:
-        Nothing.
     """
     a = min(max(a, -patch[HALF_A]), patch[HALF_A])
     b = min(max(b, -patch[HALF_B]), patch[HALF_B])
@@ -95,7 +89,7 @@ def keep_point(field: Field, patch: Array, w: Array, a: float, b: float) -> None
     x = patch[C] + b * patch[A] + c * patch[U] + s * patch[V]
     y = patch[C + 1] + b * patch[A + 1] + c * patch[U + 1] + s * patch[V + 1]
     z = patch[C + 2] + b * patch[A + 2] + c * patch[U + 2] + s * patch[V + 2]
-    i, j, known = cell_at(field, x, y, w[HOLES] != 0.0)
+    i, j, known = cell_at(field, x, y, w[MISSING] != 0.0)
     if known:
         gap = z - surface_in_cell(field, i, j, x, y)[0]
         w[BEST] = min(w[BEST], gap)

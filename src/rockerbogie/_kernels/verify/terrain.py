@@ -1,4 +1,4 @@
-"""Terrain evaluation for the verification of gaps, written apart from the kernels that settle.
+"""Terrain evaluation for the verification of gaps, independent of the kernels that settle.
 
 Only the layout of the data is shared with them: the indices `META_*`, and the grid, which holds the nodes of bilinear
 terrain, or the coefficients of a C2 tensor-product cubic B-spline with one ring around the map. Positions are measured
@@ -41,6 +41,15 @@ class Field(NamedTuple):
     last_row: int
     width: float
     depth: float
+
+
+class Cells(NamedTuple):
+    """Range of cells: first and last column, first and last row."""
+
+    i0: int
+    i1: int
+    j0: int
+    j1: int
 
 
 @njit
@@ -133,15 +142,15 @@ def surface_in_cell(field: Field, i: int, j: int, x: float, y: float) -> tuple[f
         a, b, c, d = grid[row + m, col], grid[row + m, col + 1], grid[row + m, col + 2], grid[row + m, col + 3]
         k0, k1, k2, k3 = (a + 4.0 * b + c) / 6.0, (c - a) / 2.0, a - 2.0 * b + c, (d - a) + 3.0 * (b - c)
         value = k0 + u * (k1 + u * (k2 / 2.0 + u * k3 / 6.0))
-        slope, bend = k1 + u * (k2 + u * k3 / 2.0), k2 + u * k3
+        slope, curvature = k1 + u * (k2 + u * k3 / 2.0), k2 + u * k3
         if m == 0:
-            f0, fx0, fxx0 = value, slope, bend
+            f0, fx0, fxx0 = value, slope, curvature
         elif m == 1:
-            f1, fx1, fxx1 = value, slope, bend
+            f1, fx1, fxx1 = value, slope, curvature
         elif m == 2:
-            f2, fx2, fxx2 = value, slope, bend
+            f2, fx2, fxx2 = value, slope, curvature
         else:
-            f3, fx3, fxx3 = value, slope, bend
+            f3, fx3, fxx3 = value, slope, curvature
     k1, k2, k3 = (f2 - f0) / 2.0, f0 - 2.0 * f1 + f2, (f3 - f0) + 3.0 * (f1 - f2)
     h = (f0 + 4.0 * f1 + f2) / 6.0 + v * (k1 + v * (k2 / 2.0 + v * k3 / 6.0))
     hy, hyy = k1 + v * (k2 + v * k3 / 2.0), k2 + v * k3
@@ -154,21 +163,21 @@ def surface_in_cell(field: Field, i: int, j: int, x: float, y: float) -> tuple[f
 
 
 @njit
-def cell_at(field: Field, x: float, y: float, holes: bool) -> tuple[int, int, bool]:
+def cell_at(field: Field, x: float, y: float, missing: bool) -> tuple[int, int, bool]:
     """Return a known cell that holds a point or lies within 2 `BORDER` of it.
 
     Args:
         field: the terrain.
         x: position, m.
         y: position, m.
-        holes: True if cells near here may be unknown.
+        missing: True if data may be missing near here.
 
     Returns:
         Column, row, and False if no such cell is known.
     """
     i = cell_index(x, field.dx, field.first_col, field.last_col)
     j = cell_index(y, field.dy, field.first_row, field.last_row)
-    if not holes or cell_known(field, i, j):
+    if not missing or cell_known(field, i, j):
         return i, j, True
     for side in range(4):
         px = x + (2.0 * BORDER if side % 2 else -2.0 * BORDER)
@@ -215,17 +224,12 @@ def survey(field: Field, i0: int, i1: int, j0: int, j1: int) -> tuple[bool, floa
 
 
 @njit
-def height_above_plane(
-    field: Field, i0: int, i1: int, j0: int, j1: int, x: float, y: float, h: float, hx: float, hy: float
-) -> tuple[float, float]:
-    """Bound the terrain over cells i0..i1, j0..j1 from above, by a plane and by a level plane.
+def height_above_plane(field: Field, cells: Cells, x: float, y: float, h: float, hx: float, hy: float) -> tuple[float, float]:
+    """Bound the terrain over some cells from above, by a plane and by a horizontal plane.
 
     Args:
         field: the terrain.
-        i0: first column.
-        i1: last column.
-        j0: first row.
-        j1: last row.
+        cells: the cells.
         x: a point of the plane, m.
         y: the same.
         h: the plane's height at (x, y), m.
@@ -236,6 +240,7 @@ def height_above_plane(
         a with h(x', y') <= h + hx (x' - x) + hy (y' - y) + a over the known cells, and b with h(x', y') <= b, both m.
     """
     grid = field.grid
+    i0, i1, j0, j1 = cells
     more, ring = (3, 1) if field.cubic else (1, 0)
     above, top = -math.inf, -math.inf
     for m in range(j0, j1 + more + 1):
@@ -251,33 +256,23 @@ def height_above_plane(
 
 
 @njit
-def bound_curvature(
-    field: Field, i0: int, i1: int, j0: int, j1: int, rx: float, ry: float, hxx: float, hxy: float, hyy: float, out: Array
-) -> None:
+def bound_curvature(field: Field, cells: Cells, rx: float, ry: float, middle: tuple[float, float, float], out: Array) -> None:
     """Write ranges of h_xx, h_xy, h_yy of cubic terrain over a rectangle.
-
-    The rectangle lies within cells i0..i1, j0..j1.
 
     Each range is the intersection of two: the extremes of the coefficients' second differences, and the value at the
     rectangle's middle plus or minus the largest third differences times the half sides.
 
     Args:
         field: cubic terrain.
-        i0: first column.
-        i1: last column.
-        j0: first row.
-        j1: last row.
+        cells: cells that hold the rectangle.
         rx: half side of the rectangle along x, m.
         ry: half side along y, m.
-        hxx: value at the rectangle's middle, 1/m.
-        hxy: the same.
-        hyy: the same.
+        middle: h_xx, h_xy, h_yy at the rectangle's middle, 1/m.
         out: (CURVATURE_SIZE,) receives the middle and half range of each, 1/m.
-
-    Returns:
-        Nothing.
     """
     c, dx, dy = field.grid, field.dx, field.dy
+    i0, i1, j0, j1 = cells
+    hxx, hxy, hyy = middle
     a0, a1, b0, b1 = i0 - field.first_col, i1 - field.first_col, j0 - field.first_row, j1 - field.first_row
     lxx = lxy = lyy = math.inf
     uxx = uxy = uyy = -math.inf
@@ -336,9 +331,6 @@ def spread_range(out: Array, at: int, low: float, high: float, value: float, cha
         high: upper end.
         value: middle of the second range.
         change: half of the second range.
-
-    Returns:
-        Nothing.
     """
     low, high = max(low, value - change), min(high, value + change)
     out[at], out[at + 1] = 0.5 * (low + high), max(0.5 * (high - low), 0.0)
