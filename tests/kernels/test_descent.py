@@ -1,0 +1,125 @@
+"""Descent and equilibrium against an independent minimiser of the potential energy."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+import rockerbogie as rb
+from rockerbogie._kernels.model import linkage
+from rockerbogie._kernels.model.ground import META_X, META_Y, META_Z
+from rockerbogie._kernels.search.workspace import WORK_SIZE, lay_out
+from rockerbogie._kernels.solve.descent import let_down
+from rockerbogie._kernels.solve.equilibrium import CONSTRAINTS, ROWS
+from support import oracle
+from support.helpers import assert_close
+
+ROVERS = ["rocky7", "perseverance", "elhami-dashti"]
+SLACK = 1e-10  # m, the oracle's bracket
+
+
+def waves(rover: rb.Rover, seed: int) -> rb.Terrain:
+    """Return waves longer than the rover: there is one equilibrium near a horizontal start."""
+    rng = np.random.default_rng(seed)
+    length = 3.0 * rover.wheelbase
+    at = np.linspace(-1.5 * length, 1.5 * length, 61)
+    x, y = np.meshgrid(at, at)
+    z = np.zeros_like(x)
+    for _ in range(4):
+        angle, phase = rng.uniform(0, 2 * math.pi, 2)
+        z += 0.02 * length * np.sin(2 * math.pi * (x * math.cos(angle) + y * math.sin(angle)) / length + phase)
+    return rb.Terrain.from_array(z, float(at[1] - at[0]), (float(at[0]), float(at[0])))
+
+
+class Energy:
+    """Potential energy of a rover at one position and its gaps, by the oracle alone.
+
+    The energy is the height of the centre of mass, m.
+    """
+
+    def __init__(self, rover: rb.Rover, terrain: rb.Terrain, x: float, y: float, yaw: float) -> None:
+        self.rover, self.ground, self.at = rover, oracle.Ground.of(terrain), (x, y, yaw)
+
+    def __call__(self, q: np.ndarray) -> float:
+        return float(oracle.mass_height(self.rover, oracle.link_poses(self.rover, *self.at, q))[0])
+
+    def gaps(self, q: np.ndarray) -> np.ndarray:
+        """Return the gaps of the six treads, m."""
+        return oracle.least_gap(self.ground, oracle.stand(self.rover, *self.at, q), SLACK).gap
+
+    def minimum(self, start: np.ndarray) -> np.ndarray:
+        """Return the pose (6,) of least energy that scipy finds.
+
+        No gap is negative, and joints are within their limits.
+        """
+        stops = linkage.P_STOPS
+        rocker, bogie = self.rover.packed[stops : stops + 2], self.rover.packed[stops + 2 : stops + 4]
+        bounds = [(None, None)] * 3 + [
+            tuple(None if math.isinf(v) else float(v) for v in limits) for limits in (rocker, bogie, bogie)
+        ]
+        found = minimize(
+            self, start, method="SLSQP", bounds=bounds, constraints={"type": "ineq", "fun": self.gaps},
+            options={"maxiter": 200, "ftol": 1e-13, "eps": 1e-6},
+        )  # fmt: skip
+        q = found.x
+        q[0] -= self.gaps(q).min()
+        return np.asarray(q)
+
+
+def lowered(rover: rb.Rover, terrain: rb.Terrain, x: float, y: float, yaw: float) -> tuple[np.ndarray, int, np.ndarray]:
+    """Return the pose (6,) at which the descent ends, its code, and the gaps of its contacts."""
+    meta = terrain.packed.meta
+    buffer, q = np.zeros(WORK_SIZE), np.zeros(6)
+    work = lay_out(buffer)
+    gap, rows, owner = np.empty(ROWS), np.empty((ROWS, 6)), np.empty(ROWS, np.int64)
+    constraints = np.empty((CONSTRAINTS, 6)), np.empty(CONSTRAINTS)
+    linkage.set_hub_offsets(rover.packed, np.zeros(6), work.hub_offsets)
+    at = x - meta[META_X], y - meta[META_Y], math.cos(yaw), math.sin(yaw)
+    code, count = let_down(terrain.packed, rover.packed, *at, q, work, gap, rows, owner, *constraints)
+    buffer[0] = 0.0  # keep the buffer alive: `work` is an unowned view of it
+    assert count >= 6
+    return q + [meta[META_Z], 0, 0, 0, 0, 0], code, gap[:count]
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("name", ROVERS)
+def test_energy_is_that_of_an_independent_minimum(name: str, seed: int) -> None:
+    rover = rb.load_rover(name)
+    terrain = waves(rover, seed)
+    size = rover.wheelbase
+    x, y, yaw = np.random.default_rng(100 + seed).uniform(-0.3, 0.3, 3) * [size, size, 10.0]
+    energy = Energy(rover, terrain, x, y, yaw)
+    start = np.zeros(6)
+    start[0] -= energy.gaps(start).min()
+    first, code, gaps = lowered(rover, terrain, x, y, yaw)
+    assert code == 0
+    assert gaps.min() == pytest.approx(0.0, abs=1e-15)
+    assert energy.gaps(first).min() >= -2 * SLACK
+    best = energy.minimum(start)
+    pose = rb.settle(rover, terrain, x, y, yaw, mode="equilibrium")
+    assert pose.status in (rb.Status.CONVERGED, rb.Status.WHEEL_LIFTED, rb.Status.JOINT_STOP)
+    assert energy(best) <= energy(start)
+    assert_close(
+        energy(pose.q), energy(best), 1e-7 * size, "m", "one minimum, by sequential quadratic programming and finite differences"
+    )
+    assert -1e-9 * size <= energy(first) - energy(best) <= 1e-4 * size
+    assert energy(pose.q) <= energy(first) + 1e-9 * size
+
+
+@pytest.mark.parametrize("name", ROVERS)
+def test_no_small_motion_lowers_an_equilibrium(name: str) -> None:
+    """Move in random directions and shift z to just touch: the centre of mass is not lower."""
+    rover = rb.load_rover(name)
+    terrain = waves(rover, 9)
+    pose = rb.settle(rover, terrain, 0.1, 0.2, 0.3, mode="equilibrium")
+    energy = Energy(rover, terrain, 0.1, 0.2, 0.3)
+    rng, step = np.random.default_rng(4), 1e-4
+    for _ in range(60):
+        q = pose.q + step * np.append(0.0, rng.normal(size=5))
+        limits = rover.packed[linkage.P_STOPS : linkage.P_STOPS + 4]
+        q[3:] = np.clip(q[3:], limits[[0, 2, 2]], limits[[1, 3, 3]])
+        q[0] -= energy.gaps(q).min()
+        assert energy(q) >= energy(pose.q) - 1e-9 * rover.wheelbase
