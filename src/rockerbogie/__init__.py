@@ -76,6 +76,7 @@ if TYPE_CHECKING:
     from .rover.frames import wheel_frames as wheel_frames
     from .rover.model import Link as Link
     from .rover.model import Rover as Rover
+    from .settling.pose import GRAVITY as GRAVITY
     from .settling.pose import Contacts as Contacts
     from .settling.pose import Pose as Pose
     from .settling.settle import settle as settle
@@ -88,6 +89,11 @@ if TYPE_CHECKING:
     from .simulation.compare import settle_along as settle_along
     from .simulation.mjcf import to_mjcf as to_mjcf
     from .simulation.simulate import simulate as simulate
+    from .statics.loads import LoadStatus as LoadStatus
+    from .statics.loads import WheelLoads as WheelLoads
+    from .statics.loads import wheel_loads as wheel_loads
+    from .statics.stability import Stability as Stability
+    from .statics.stability import stability as stability
     from .terrain import surfaces as surfaces
     from .terrain.heightfield import Terrain as Terrain
 
@@ -124,6 +130,12 @@ _EXPORTS = {
     "Contacts": "settling.pose",
     "verify": "settling.verification",
     "Verification": "settling.verification",
+    "GRAVITY": "settling.pose",
+    "LoadStatus": "statics.loads",
+    "Stability": "statics.stability",
+    "stability": "statics.stability",
+    "WheelLoads": "statics.loads",
+    "wheel_loads": "statics.loads",
     "wheel_jacobians": "motion.jacobian",
     "JACOBIAN_COLUMNS": "motion.jacobian",
     "system_jacobian": "motion.jacobian",

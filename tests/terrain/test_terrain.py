@@ -319,7 +319,7 @@ def test_an_extreme_height_far_away_does_not_move_a_pose(interpolation: Any) -> 
         for mode in ("contact", "equilibrium"):
             expected, found = (rb.settle(rover, terrain, 20.0, 20.0, 0.3, mode=mode) for terrain in (good, bad))  # type: ignore[arg-type]
             assert found.status == expected.status == rb.Status.CONVERGED
-            assert_close(found.q, expected.q, 1e-12, "m, rad", "the spline carries 0.27 ** 70 of it so far")
+            assert_close(found.q, expected.q, 1e-12, "m, rad", "the spline stays 0.27 ** 70 of it so far")
             assert_close(found.clearance, expected.clearance, 1e-12, "m", "and the search for it leaves out what is far")
 
 

@@ -210,3 +210,24 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def parse_gravity(text: str) -> float:
+    """Return gravity, m/s².
+
+    Args:
+        text: earth, mars, moon or a number.
+
+    Returns:
+        Above 0, m/s².
+
+    Raises:
+        RockerbogieError: another name, or a number that is not above 0.
+    """
+    from ..settling.pose import GRAVITY, checked_gravity
+
+    try:
+        value = GRAVITY[text] if text in GRAVITY else float(text)
+    except ValueError:
+        raise RockerbogieError(f"--gravity {text!r} is not known; give {', '.join(GRAVITY)} or a number in m/s²") from None
+    return checked_gravity(value)

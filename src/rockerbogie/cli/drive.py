@@ -35,6 +35,7 @@ from .common import (
     in_folder,
     make_folder,
     map_span,
+    parse_gravity,
     parse_point,
     print_json,
     progress,
@@ -51,6 +52,9 @@ EXIT_NOT_THERE, SHORT = 1, 0.05
 
 Waypoints = Annotated[str | None, Parameter(name=["--path", "-p"], allow_leading_hyphen=True)]
 
+#: Chart that `drive --loads` writes.
+LOADS_CHART = "loads.png"
+
 
 def drive(
     *,
@@ -65,6 +69,8 @@ def drive(
     linear: Linear = None,
     raster: Raster = None,
     output: Folder = None,
+    loads: Annotated[bool, Parameter(name="--loads", negative="")] = False,
+    gravity: str = "earth",
     mcap: Annotated[bool, Parameter(name="--mcap", negative="")] = False,
     film: FilePath | None = None,
     force: Force = False,
@@ -100,6 +106,10 @@ def drive(
         Bilinear or smooth cubic terrain between the nodes. Default: cubic for files.
     output
         Folder for pictures and data.
+    loads
+        Also compute wheel loads, required friction, motor torques and tip margins; with -o, also write loads.png.
+    gravity
+        earth, mars, moon, or a number in m/s²; scales forces.
     mcap
         Also write run.mcap into the folder of -o: ROS 2 messages for Foxglove and `ros2 bag`. Needs the ros extra.
     film
@@ -109,22 +119,30 @@ def drive(
     json
         Print the summary as JSON (SI units, radians) instead of the table.
     """
-    written = in_folder(output, *_files("run"), *(("run.mcap",) if mcap else ()))
+    written = in_folder(output, *_files("run"), *(("run.mcap",) if mcap else ()), *((LOADS_CHART,) if loads else ()))
     written += _checked_film(film)
     if mcap:
         if output is None:
             raise RockerbogieError("--mcap writes run.mcap into a folder: give one with -o")
         require_rosbags()
     guard_outputs(written, terrain, rover, path, force=force)
+    field = parse_gravity(gravity)
     machine = load_rover(rover)
     ground = load_terrain(terrain, linear, raster)
     way = _path(path, radius, machine, ground)
     with progress() as bar:
         task = bar.add_task("driving", total=None)
         near = np.zeros(6) if continuous_steering else None
-        run = _on_map(drive_rover(machine, ground, way, speed, step=step, mode=mode, near=near), ground)
+        run = drive_rover(machine, ground, way, speed, step=step, mode=mode, near=near, loads=loads, gravity=field)
+        run = _on_map(run, ground)
         bar.update(task, description="drawing")
         files = _write_run(machine, ground, run, output, "run")
+        if loads and output is not None:
+            from ..figures.loads import loads_chart
+            from ..figures.style import save
+
+            save(loads_chart(run), output / LOADS_CHART)
+            files.append(output / LOADS_CHART)
         if mcap and output is not None:
             from ..logs.mcap import write_mcap
 

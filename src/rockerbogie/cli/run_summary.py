@@ -16,6 +16,8 @@ from ..settling.status import MEANING, Status
 if TYPE_CHECKING:
     import xarray as xr
 
+#: Variables of a drive with loads that the summary shows, with their units there.
+LOADS = {"required_friction": "", "max_torque": " N·m", "tip_margin": "°"}
 #: Attributes of a simulated run about its hub motors.
 MOTORS = ("wheel_rate_error_share", "torque_limit", "torque_limited")
 #: Wheels hold their rates up to this error, as a share of the largest command; they slip above this mean slip ratio.
@@ -79,13 +81,14 @@ def summarise(run: xr.Dataset) -> dict[str, Any]:
     status = run["status"].values
     channels = {name: run[name].values for name in ("roll", "pitch", "rocker", "clearance")} | {
         "tilt": tilt_of(run).values,
+        **{name: run[name].values for name in LOADS if name in run},
         "bogie_left": run["bogie"].sel(side="left").values,
         "bogie_right": run["bogie"].sel(side="right").values,
     }
     distance = run["distance"].values
     extremes = {}
-    for name in ("tilt", "roll", "pitch", "rocker", "bogie_left", "bogie_right", "clearance"):
-        if np.isnan(channels[name]).all():
+    for name in ("tilt", "roll", "pitch", "rocker", "bogie_left", "bogie_right", "clearance", *LOADS):
+        if name not in channels or np.isnan(channels[name]).all():
             continue  # the clearance is NaN if the body reaches over the edge of the map
         low, high = int(np.nanargmin(channels[name])), int(np.nanargmax(channels[name]))
         extremes[name] = {
@@ -130,8 +133,17 @@ def print_summary(rover: Rover, summary: dict[str, Any]) -> None:
         if np.isfinite(limits).any()
     }
     for name, found in summary["extremes"].items():
-        low, high = (f"{found[k]:.3f} m" if name == "clearance" else f"{np.degrees(found[k]):.2f}°" for k in ("min", "max"))
+        low, high = (_value(name, found[k]) for k in ("min", "max"))
         table.add_row(
             name.replace("_", " "), low, f"{found['min_at']:.2f} m", high, f"{found['max_at']:.2f} m", stops.get(name, "")
         )
     console.print(table)
+
+
+def _value(name: str, value: float) -> str:
+    """Return a channel's value with its unit."""
+    if name == "clearance":
+        return f"{value:.3f} m"
+    if name in ("required_friction", "max_torque"):
+        return f"{value:.3f}{LOADS[name]}"
+    return f"{np.degrees(value):.2f}°"

@@ -16,9 +16,10 @@ from ..rotations import wrap_angle
 from ..rover.model import LOAD_ROVER, Rover
 from ..settling.dataset import EQUILIBRIUM_VARIABLES, VARIABLES, run_dataset
 from ..settling.engines import Mode
-from ..settling.pose import Pose
+from ..settling.pose import GRAVITY, Pose
 from ..settling.settle import check_mode, settle
 from ..settling.status import Status
+from ..statics.stability import load_values
 from ..tables import write_columns
 from ..terrain.heightfield import Terrain
 from .jacobian import contact_rows, reading, solve_each
@@ -44,6 +45,8 @@ def drive(
     steering: ArrayLike | None = None,
     mode: Mode = "contact",
     near: ArrayLike | None = None,
+    loads: bool = False,
+    gravity: float = GRAVITY["earth"],
 ) -> xr.Dataset:
     """Drive a rover along a path quasi-statically: one pose and its rates per station.
 
@@ -68,6 +71,9 @@ def drive(
         mode: "contact" or "equilibrium", as for `settle`.
         near: (6,) steering angles before the start, rad. Each wheel then stays within a quarter turn of its angle at the station
             before, and may turn beyond ±90 deg. Default: each angle within ±90 deg, with jumps of half a turn.
+        loads: True adds wheel loads, required friction, motor torques and tip margins (`wheel_loads`, `stability`), which take
+            some milliseconds a station.
+        gravity: m/s²; scales forces.
 
     Returns:
         Dataset over `time` (docs/design.md), with `distance` the horizontal distance along the path; in equilibrium mode also
@@ -98,7 +104,7 @@ def drive(
         turn = np.asarray(steering, dtype=float)
     if turn.shape not in ((6,), (len(distance), 6)):
         raise RockerbogieError(f"steering has shape {turn.shape}; give (6,) or ({len(distance)}, 6), one row a station")
-    pose = settle(rover, terrain, at.x, at.y, at.yaw, steering=turn, mode=mode)
+    pose = settle(rover, terrain, at.x, at.y, at.yaw, steering=turn, mode=mode, gravity=gravity)
     if (pose.status == Status.OFF_MAP).all():
         xmin, ymin, xmax, ymax = terrain.bounds
         raise PathError(
@@ -118,6 +124,9 @@ def drive(
         "rates": EXACT if mode == "contact" else EXACT + "; all rates so where wheels and joint limits do not determine the pose",
         "status_summary": summary(pose.status, distance),
     }
+    if loads:
+        values |= load_values(pose)
+        attrs["gravity"] = pose.gravity
     return run_dataset(rover, terrain, time, distance, values, attrs)
 
 

@@ -38,10 +38,22 @@ VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
 
 #: Further variables of poses in equilibrium mode.
 EQUILIBRIUM_VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
-    "support": (("wheel",), "N", "frictionless contact force of the wheel, Earth's gravity"),
-    "belly_support": ((), "N", "frictionless contact force on the body, Earth's gravity"),
+    "support": (("wheel",), "N", "frictionless contact force of the wheel"),
+    "belly_support": ((), "N", "frictionless contact force on the body"),
     "wheel_lifted": (("wheel",), "1", "1 if the wheel is off the ground"),
     "joint_stop": (("joint",), "1", "-1 or 1 if the joint is at its low or high limit"),
+}
+
+#: Variables of a drive with its loads: of the forces that need the least friction.
+LOAD_VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
+    "required_friction": ((), "1", "least friction coefficient that holds the rover"),
+    "normal_force": (("wheel",), "N", "contact force along the contact normal"),
+    "traction": (("wheel",), "N", "contact force along the heading of the wheel, forward positive"),
+    "side_force": (("wheel",), "N", "contact force across the heading of the wheel, left positive"),
+    "axle_torque": (("wheel",), "N m", "motor torque, forward positive"),
+    "max_torque": ((), "N m", "largest motor torque of the six wheels"),
+    "tip_margin": ((), "rad", "least angle by which gravity must turn until the rover tips over"),
+    "load_status": ((), "1", "status code of the balance, see rockerbogie.LoadStatus"),
 }
 
 #: Variables whose rate a run holds as `<name>_rate`.
@@ -76,7 +88,8 @@ def run_dataset(
         rover, terrain: kept in `encoding` under `SCENE`; their names go into `attrs`.
         time: (n,) s.
         distance: (n,) horizontal distance, m.
-        values: arrays (n, ...) by their names in `RUN_VARIABLES` and `EQUILIBRIUM_VARIABLES`; other names are left out.
+        values: arrays (n, ...) by their names in `RUN_VARIABLES`, `EQUILIBRIUM_VARIABLES` and `LOAD_VARIABLES`; other names are
+            left out.
         attrs: further attributes.
 
     Returns:
@@ -84,7 +97,7 @@ def run_dataset(
     """
     import xarray as xr
 
-    known = RUN_VARIABLES | EQUILIBRIUM_VARIABLES
+    known = RUN_VARIABLES | EQUILIBRIUM_VARIABLES | LOAD_VARIABLES
     data: dict[str, tuple[tuple[str, ...], Any, dict[str, Any]]] = {
         name: (("time", *dims), _plain(values[name]), {"units": units, "long_name": text})
         for name, (dims, units, text) in known.items()

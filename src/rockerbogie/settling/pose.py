@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 TOUCHING = 1e-6
 #: A joint within this angle of its limit is at the limit, rad.
 STOPPED = 1e-9
-GRAVITY = 9.80665  # m/s²
+#: Gravity at the surface, m/s²: the standard value on Earth, mean values on Mars and the Moon.
+GRAVITY = {"earth": 9.80665, "mars": 3.72076, "moon": 1.62}
 JOINTS = ("rocker", "bogie_left", "bogie_right")
 
 
@@ -59,6 +60,7 @@ class Pose:
     q: Array  # (..., 6) z, roll, pitch, rocker, bogie left, bogie right
     status: NDArray[np.uint8]  # (...) rockerbogie.Status
     report: Array | None = None  # (..., R_SIZE) forces and flags; equilibrium mode only
+    gravity: float = GRAVITY["earth"]  # m/s², scales forces
 
     def __repr__(self) -> str:
         where = f"{self.rover.name} on {self.terrain.name or 'terrain'}"
@@ -195,16 +197,13 @@ class Pose:
 
     @property
     def support(self) -> Array:
-        """(..., 6) frictionless contact force of each wheel, N; equilibrium mode only.
-
-        Gravity is Earth's: scale by g/9.80665.
-        """
-        return np.asarray(self._report(equilibrium.R_FORCE, 6) * self.rover.mass * GRAVITY)
+        """(..., 6) frictionless contact force of each wheel, N; equilibrium mode only."""
+        return np.asarray(self._report(equilibrium.R_FORCE, 6) * self.rover.mass * self.gravity)
 
     @property
     def belly_support(self) -> Array:
         """(...) frictionless contact force on the body's box, N; equilibrium mode only."""
-        return self._report(equilibrium.R_BELLY, 1)[..., 0] * self.rover.mass * GRAVITY
+        return self._report(equilibrium.R_BELLY, 1)[..., 0] * self.rover.mass * self.gravity
 
     @property
     def wheel_lifted(self) -> NDArray[np.bool_]:
@@ -262,3 +261,20 @@ class Pose:
         from .dataset import pose_dataset
 
         return pose_dataset(self)
+
+
+def checked_gravity(gravity: float) -> float:
+    """Return gravity after a check.
+
+    Args:
+        gravity: m/s².
+
+    Returns:
+        The same, as a float.
+
+    Raises:
+        RockerbogieError: not a finite number above 0.
+    """
+    if not (isinstance(gravity, (int, float, np.number)) and np.isfinite(gravity) and gravity > 0.0):
+        raise RockerbogieError(f"gravity is {gravity!r}; give a number above 0 in m/s², as rockerbogie.GRAVITY['mars']")
+    return float(gravity)

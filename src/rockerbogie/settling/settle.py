@@ -15,7 +15,7 @@ from ..rover.model import LOAD_ROVER, Rover
 from ..terrain.heightfield import Terrain
 from .engines import Batch, settle_batch
 from .engines import Mode as Mode
-from .pose import Pose
+from .pose import GRAVITY, Pose, checked_gravity
 
 CHUNK = 1 << 20  # poses per kernel call: bounds the memory that a broadcast input takes
 
@@ -29,6 +29,7 @@ def settle(
     *,
     steering: ArrayLike | None = None,
     mode: Mode = "contact",
+    gravity: float = GRAVITY["earth"],
 ) -> Pose:
     """Solve for the rover's pose at (x, y) and yaw.
 
@@ -43,16 +44,19 @@ def settle(
         steering: (..., 6) steering angle of each wheel, left turn positive, rad; 0 for wheels that do not steer.
         mode: "contact" (the paper's): all six wheels are in contact. "equilibrium": static equilibrium without friction under
             the rover's weight, in which wheels may be off the ground, joints at their limits and the body on the terrain.
+        gravity: m/s²; scales the forces of the pose, not the pose.
 
     Returns:
         Pose with batch axes from broadcasting x, y, yaw and the leading axes of steering.
 
     Raises:
-        RockerbogieError: x, y or yaw not finite or not broadcastable; steering that does not fit the rover; unknown mode.
+        RockerbogieError: x, y or yaw not finite or not broadcastable; steering that does not fit the rover; unknown mode;
+            gravity not above 0.
     """
     expect(rover, Rover, "rover", LOAD_ROVER)
     expect(terrain, Terrain, "terrain", "make one with rockerbogie.Terrain.from_array, from_raster or rockerbogie.surfaces")
     check_mode(mode)
+    field = checked_gravity(gravity)
     px, py, facing = _numbers("x", x), _numbers("y", y), _numbers("yaw", yaw)
     turn = check_steering(rover, steering)
     try:
@@ -73,7 +77,7 @@ def settle(
                 q[at].reshape(-1, 6), status[at].reshape(-1), forces,
             ),
         )  # fmt: skip
-    return Pose(rover, terrain, px, py, facing, turn, q, status, report)
+    return Pose(rover, terrain, px, py, facing, turn, q, status, report, field)
 
 
 def check_mode(mode: str) -> None:

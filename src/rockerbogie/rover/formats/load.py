@@ -106,7 +106,7 @@ def import_rover(
 ) -> ImportResult:
     """Return a rover from a robot file, with a report.
 
-    It is found by structure (which hinge carries what), not by names.
+    It is found by structure (which hinge stays what), not by names.
 
     The rover's frame has its origin at the origin of the body's link. Meshes are read from files beside the robot file.
 

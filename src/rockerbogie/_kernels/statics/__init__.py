@@ -1,0 +1,1 @@
+"""Static balance of the mechanism: contact forces, least friction, hold margins."""

@@ -1,0 +1,217 @@
+"""Contact forces of a batch of poses."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit.decorators import njit
+from ..model.ground import META_X, META_Y, META_Z, Ground
+from ..model.linkage import P_BOX, PITCH, ROLL, Z, body_axes
+from ..search.body_box import N_GAP, N_GX, N_GY, N_X, N_Y, N_Z, NEAR_SIZE, box_over_ground
+from .balance import EQUATIONS, axle_torque
+from .laws import equal_slip, equal_torque, frictionless_sides, parallel_forces
+from .least_friction import HELD, UNHELD, least_friction, lower_bound
+from .mechanism import BELLY, EXTRA, ON_BELLY, assemble, gravity_column, new_mechanism
+from .tipping import force_angle, hold_margin
+
+Array = NDArray[np.float64]
+
+LEAST_FRICTION, EQUAL_TORQUE, EQUAL_SLIP, FRICTIONLESS_SIDES, VERTICAL = range(5)
+# What became of each pose
+BALANCED, NO_POSE, NOT_HELD, PULLS, UNDETERMINED, NOT_CONVERGED = range(6)
+PROVED = 1e-5  # largest gap between the least friction found and its proved bound
+PULL = -1e-9  # of the weight: a normal force below it pulls
+TOUCHING = 1e-6  # m: gap of a belly contact
+
+
+@njit
+def belly_batch(
+    ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, q: Array, wanted: NDArray[np.bool_],
+    point: Array, normal: Array, start: int, stop: int,
+) -> None:  # fmt: skip
+    """Fill the contacts of the body's box with the terrain.
+
+    Args:
+        ground, rover: the packed terrain and rover.
+        x, y, yaw: (n,) m, m, rad.
+        q: (n, 6) poses.
+        wanted: (n,) True where the box may be in contact.
+        point: (n, BELLY, 3) filled with contact points from the body's origin, m; NaN where there is none.
+        normal: (n, BELLY, 3) filled with unit normals into the box.
+        start, stop: range of poses.
+    """
+    axes, near = np.empty((3, 3)), np.empty((BELLY, NEAR_SIZE))
+    meta = ground[2]
+    for k in range(start, stop):
+        point[k] = normal[k] = math.nan
+        if not wanted[k] or math.isnan(q[k, Z]):
+            continue
+        body_axes(q[k, ROLL], q[k, PITCH], math.cos(yaw[k]), math.sin(yaw[k]), axes)
+        box = rover[P_BOX : P_BOX + 6]
+        px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
+        _, count = box_over_ground(ground, box, axes, px, py, q[k, Z] - meta[META_Z], TOUCHING, near)
+        for j in range(count):
+            if near[j, N_GAP] > TOUCHING:
+                continue
+            size = math.sqrt(1.0 + near[j, N_GX] ** 2 + near[j, N_GY] ** 2)
+            point[k, j, 0], point[k, j, 1], point[k, j, 2] = near[j, N_X], near[j, N_Y], near[j, N_Z]
+            normal[k, j, 0], normal[k, j, 1], normal[k, j, 2] = -near[j, N_GX] / size, -near[j, N_GY] / size, 1.0 / size
+
+
+@njit
+def loads_batch(
+    rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, stops: NDArray[np.int8],
+    belly_point: Array, belly_normal: Array, field: Array, drawbar: Array, law: int,
+    force: Array, torque: Array, required: Array, bound: Array, limit: Array, belly: Array, status: NDArray[np.uint8],
+    start: int, stop: int,
+) -> None:  # fmt: skip
+    """Fill the contact forces that balance each pose under a law.
+
+    Args:
+        rover: (P_SIZE,) the packed rover.
+        yaw: (n,) rad.
+        steering: (n, 6) or (1, 6) rad.
+        q: (n, 6) poses.
+        point, normal: (n, 6, 3) contact points from the body's origin, m, NaN where a wheel is off the ground, and unit normals.
+        stops: (n, 3) -1 or 1 where rocker, left or right bogie is at its low or high limit, else 0.
+        belly_point, belly_normal: (n, BELLY, 3) or (1, BELLY, 3) contacts of the body's box, NaN where there is none.
+        field: (n, 3) or (1, 3) gravity less the rover's acceleration in world axes, m/s².
+        drawbar: (n,) or (1,) force that pulls the body backward along its x axis at its origin, N.
+        law: LEAST_FRICTION, EQUAL_TORQUE, EQUAL_SLIP, FRICTIONLESS_SIDES or VERTICAL.
+        force: (n, 6, 3) filled with normal force, traction and side force, N; NaN without a balance.
+        torque: (n, 6) filled with motor torques, N m, positive forward.
+        required: (n,) filled with the friction coefficient that these forces use.
+        bound: (n,) filled with the proved lower bound of the least friction coefficient; NaN under other laws.
+        limit: (n, 3) filled with the torques that joint limits exert, N m.
+        belly: (n,) filled with the normal force on the body, N.
+        status: (n,) filled with BALANCED, NO_POSE, NOT_HELD, PULLS, UNDETERMINED or NOT_CONVERGED.
+        start, stop: range of poses.
+    """
+    m = new_mechanism()
+    b, f, sizes = np.empty(EQUATIONS), np.zeros((6, 3)), np.zeros(6)
+    y, v = np.zeros(EXTRA), np.zeros(EQUATIONS)
+    for k in range(start, stop):
+        force[k] = torque[k] = limit[k] = math.nan
+        required[k] = bound[k] = belly[k] = math.nan
+        status[k] = NO_POSE
+        at, field_at = k if belly_point.shape[0] > 1 else 0, k if field.shape[0] > 1 else 0
+        count, more, reach = assemble(
+            m, rover, yaw[k], steering[k if steering.shape[0] > 1 else 0], q[k], point[k], normal[k], stops[k],
+            belly_point[at], belly_normal[at],
+        )  # fmt: skip
+        if count == 0:
+            continue
+        gx, gy, gz = field[field_at, 0], field[field_at, 1], field[field_at, 2]
+        mass = gravity_column(m, rover, reach, gx, gy, gz, b)
+        weight = mass * math.sqrt(gx * gx + gy * gy + gz * gz)
+        pull = drawbar[k if drawbar.shape[0] > 1 else 0]
+        for n in range(3):
+            b[n] -= pull * m.axes[0, n]
+        for n in range(EQUATIONS):
+            b[n] /= -weight
+        packed, packed_frame, extra = m.columns, m.frame, m.extra
+        code = BALANCED
+        if law == LEAST_FRICTION:
+            mu, outcome, _ = least_friction(packed, count, extra, more, b, f, y, v)
+            if outcome == HELD:
+                bound[k] = lower_bound(packed, count, extra, more, b, mu, v)
+                if not mu - bound[k] < PROVED * max(1.0, mu):
+                    code = NOT_CONVERGED
+            if outcome == UNHELD:
+                code = NOT_HELD
+                required[k] = math.inf
+            elif outcome != HELD:
+                code = NOT_CONVERGED
+        elif more > 0 or (law != FRICTIONLESS_SIDES and count < 6):
+            code = UNDETERMINED
+        elif law == EQUAL_TORQUE:
+            code = BALANCED if equal_torque(packed, m.radius, m.forward, b, f) else UNDETERMINED
+        elif law == FRICTIONLESS_SIDES:
+            code = BALANCED if frictionless_sides(packed, count, b, f) else UNDETERMINED
+        else:
+            code = BALANCED if parallel_forces(packed, count, packed_frame, gx, gy, gz, b, sizes) else UNDETERMINED
+            if code == BALANCED:
+                g = math.sqrt(gx * gx + gy * gy + gz * gz)
+                for i in range(6):
+                    for c in range(3):
+                        part = -(gx * packed_frame[i, c, 0] + gy * packed_frame[i, c, 1] + gz * packed_frame[i, c, 2]) / g
+                        f[i, c] = part * sizes[i]
+                if law == EQUAL_SLIP and not equal_slip(packed, m.forward, b, f):
+                    code = NOT_CONVERGED
+        if code == BALANCED:
+            for i in range(count):
+                if not f[i, 0] >= PULL:
+                    code = PULLS
+        status[k] = code
+        if code != BALANCED:
+            continue
+        used = 0.0
+        force[k] = torque[k] = limit[k] = belly[k] = 0.0
+        for i in range(count):
+            w = m.who[i]
+            n, t, s = f[i, 0], f[i, 1], f[i, 2]
+            if n > -PULL or law == LEAST_FRICTION:
+                used = max(used, math.sqrt(t * t + s * s) / n)
+            force[k, w, 0], force[k, w, 1], force[k, w, 2] = n * weight, t * weight, s * weight
+            fx, fy, fz = 0.0, 0.0, 0.0
+            for c in range(3):
+                fx += force[k, w, c] * packed_frame[i, c, 0]
+                fy += force[k, w, c] * packed_frame[i, c, 1]
+                fz += force[k, w, c] * packed_frame[i, c, 2]
+            torque[k, w] = axle_torque(m.wheels[w], point[k, w], fx, fy, fz)
+        for j in range(more):
+            if m.owner[j] != ON_BELLY:
+                limit[k, m.owner[j]] = -1.0 * stops[k, m.owner[j]] * y[j] * weight * reach
+            else:
+                belly[k] += y[j] * weight
+        required[k] = used
+
+
+@njit
+def stability_batch(
+    rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, stops: NDArray[np.int8],
+    belly_point: Array, belly_normal: Array, friction: float,
+    margin: Array, direction: Array, stays: NDArray[np.bool_], slides: NDArray[np.bool_], angle: Array, energy: Array,
+    start: int, stop: int,
+) -> None:  # fmt: skip
+    """Fill the tip margins of each pose.
+
+    Args:
+        rover, yaw, steering, q, point, normal, stops, belly_point, belly_normal: as for `loads_batch`.
+        friction: friction coefficient.
+        margin: (n,) filled with the hold margin, rad; NaN without a pose.
+        direction: (n,) filled with the azimuth in which the centre of mass then moves, rad.
+        stays: (n, 6) filled with True for wheels that stay in place in that motion.
+        slides: (n,) filled with True if no contact stays in place.
+        angle, energy: (n,) filled with the force-angle measure and the energy margin of the rover as one rigid body, both
+            for a weight of 1 N: rad m, m.
+        start, stop: range of poses.
+    """
+    m = new_mechanism()
+    travel, way = np.empty((3, EQUATIONS)), np.empty(3)
+    for k in range(start, stop):
+        margin[k] = direction[k] = angle[k] = energy[k] = math.nan
+        stays[k] = slides[k] = False
+        at = k if belly_point.shape[0] > 1 else 0
+        count, more, reach = assemble(
+            m, rover, yaw[k], steering[k if steering.shape[0] > 1 else 0], q[k], point[k], normal[k], stops[k],
+            belly_point[at], belly_normal[at],
+        )  # fmt: skip
+        if count == 0:
+            continue
+        for c in range(3):
+            mass = gravity_column(
+                m, rover, reach, 1.0 if c == 0 else 0.0, 1.0 if c == 1 else 0.0, 1.0 if c == 2 else 0.0, travel[c]
+            )
+            for n in range(EQUATIONS):
+                travel[c, n] /= mass
+        margin[k], slides[k] = hold_margin(m, count, more, travel, friction, way, stays[k])
+        if 0.0 < margin[k] < 0.5 * math.pi:
+            direction[k] = math.atan2(way[1], way[0])
+        # moments of a unit weight about the origin, (x, y, z) × (0, 0, 1) = (y, -x, 0), give the centre of mass but its height,
+        # and those of a force along x give that: (x, y, z) × (1, 0, 0) = (0, z, -y)
+        cx, cy, cz = -travel[2, 4] * reach, travel[2, 3] * reach, travel[0, 4] * reach
+        angle[k], energy[k] = force_angle(point[k], cx, cy, cz)

@@ -1,0 +1,1 @@
+"""Forces on a rover in slow motion: contact forces, required friction, tip margins."""

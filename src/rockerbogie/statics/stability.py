@@ -1,0 +1,116 @@
+"""Tip margins of settled poses (docs/stability.md)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._kernels.jit.parallel import parallel_for
+from .._kernels.statics import loads as kernel
+from ..arrays import Array
+from ..errors import RockerbogieError
+from ..settling.pose import Pose, checked_gravity
+from .contacts import pack_contacts
+from .loads import wheel_loads
+
+#: Friction coefficient at which a rover tips rather than slides: a plane of up to 63° holds it.
+GRIP = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Stability:
+    """By how much poses are short of tipping over; NaN without a pose.
+
+    Attributes:
+        tip_margin: (...) least angle by which gravity must turn until no contact forces hold the rover, rad; 0 if none
+            holds it as it stands, π/2 if no turn up to that moves it.
+        direction: (...) azimuth in which the centre of mass then starts to move, from +x, counter-clockwise, rad; NaN where
+            the margin is 0 or π/2.
+        stays: (..., 6) True for the wheels whose contacts stay in place in that motion: the edge that the rover tips over.
+        slides: (...) True if no wheel stays in place: it slides before it tips.
+        force_angle: (...) measure of Papadopoulos & Rey (1996) of the rover as one rigid body, N m rad.
+        energy: (...) energy that tips the rover as one rigid body over its worst edge (Messuri & Klein 1985), J.
+        wheel_names: names of the six wheels.
+    """
+
+    tip_margin: Array
+    direction: Array
+    stays: NDArray[np.bool_]
+    slides: NDArray[np.bool_]
+    force_angle: Array
+    energy: Array
+    wheel_names: tuple[str, ...]
+
+    @property
+    def edge(self) -> NDArray[np.str_]:
+        """(...) names of the wheels that the rover tips over, joined by spaces."""
+        names = [" ".join(n for n, on in zip(self.wheel_names, row, strict=True) if on) for row in self.stays.reshape(-1, 6)]
+        return np.array(names, dtype=np.str_).reshape(self.tip_margin.shape)
+
+    def __repr__(self) -> str:
+        if self.tip_margin.ndim:
+            return f"<Stability of {self.tip_margin.size} poses>"
+        how = "slides" if self.slides else f"tips over {self.edge}"
+        return f"<Stability: margin {np.degrees(float(self.tip_margin)):.2f} deg, then {how}>"
+
+
+def stability(pose: Pose, *, gravity: float | None = None, friction: float = GRIP) -> Stability:
+    """Compute by how much settled poses are short of tipping over.
+
+    The rover is not one rigid body: rockers, bogies and differential move freely within their limits, and a pose is lost as
+    soon as no forces within the friction cones balance all of its links. `force_angle` and `energy` are the published
+    measures, of the rover as one rigid body on the support polygon of its contacts.
+
+    Args:
+        pose: settled poses (...), of either mode. Wheels off the ground do not count.
+        gravity: m/s²; scales `force_angle` and `energy`. Default: that of the pose.
+        friction: friction coefficient, above 0, at most 50. With less than the default, a rover may slide before it tips.
+
+    Returns:
+        Stability with the pose's batch axes.
+
+    Raises:
+        RockerbogieError: gravity not above 0, friction out of range, or a rover without mass.
+    """
+    packed = pack_contacts(pose)
+    weight = pose.rover.mass * checked_gravity(pose.gravity if gravity is None else gravity)
+    if not (isinstance(friction, (int, float, np.number)) and 0.0 < friction <= 50.0):
+        raise RockerbogieError(f"friction is {friction!r}; give a coefficient above 0, at most 50")
+    n = pose.status.size
+    margin, direction, angle, energy = np.empty((4, n))
+    stays, slides = np.empty((n, 6), dtype=bool), np.empty(n, dtype=bool)
+    parallel_for(kernel.stability_batch, n, *packed, float(friction), margin, direction, stays, slides, angle, energy)
+    shape = pose.shape
+    return Stability(
+        tip_margin=margin.reshape(shape),
+        direction=direction.reshape(shape),
+        stays=stays.reshape(*shape, 6),
+        slides=slides.reshape(shape),
+        force_angle=(weight * angle).reshape(shape),
+        energy=(weight * energy).reshape(shape),
+        wheel_names=pose.rover.wheel_names,
+    )
+
+
+def load_values(pose: Pose) -> dict[str, NDArray[np.generic]]:
+    """Return the values of `dataset.LOAD_VARIABLES` for poses, under the law of least friction.
+
+    Args:
+        pose: settled poses (...).
+
+    Returns:
+        Arrays (...) and (..., 6) by name.
+    """
+    loads = wheel_loads(pose)
+    return {
+        "required_friction": loads.required_friction,
+        "normal_force": loads.normal,
+        "traction": loads.traction,
+        "side_force": loads.side,
+        "axle_torque": loads.torque,
+        "max_torque": np.abs(loads.torque).max(axis=-1),
+        "tip_margin": stability(pose).tip_margin,
+        "load_status": loads.status,
+    }

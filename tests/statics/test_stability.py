@@ -1,0 +1,115 @@
+"""Tip margins against closed forms, a conic solver and MuJoCo."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_loads import conic, level_rover, plane, settled, unit_columns
+
+import rockerbogie as rb
+
+
+def test_on_little_friction_a_rover_slides_at_the_friction_angle() -> None:
+    for slope in (0.0, 0.1):
+        got = rb.stability(rb.settle(rb.load_rover("curiosity"), plane(slope), 0.0, 0.0, 0.4), friction=0.3)
+        assert got.tip_margin == pytest.approx(np.arctan(0.3) - slope, abs=1e-5)
+        assert got.slides
+        if slope:
+            assert np.cos(got.direction) == pytest.approx(-1.0, abs=1e-3)  # downhill
+
+
+def test_force_angle_and_energy_of_a_rectangle_follow_the_closed_forms() -> None:
+    ahead, weight = 0.06, 100.0 * rb.GRAVITY["earth"]
+    rover = level_rover(ahead)
+    got = rb.stability(rb.settle(rover, rb.surfaces.plane(), 0.0, 0.0))
+    x = rover.body.com[0]
+    distances = np.array([0.4, 0.5 - x, 0.5 + x])  # of the centre of mass from the sides, the front and the rear
+    assert got.force_angle == pytest.approx(weight * (np.arctan2(distances, 0.3) * distances).min(), rel=1e-9)
+    assert got.energy == pytest.approx(weight * (np.hypot(distances, 0.3) - 0.3).min(), rel=1e-9)
+
+
+def tilted(pose: rb.Pose, azimuth: float, angle: float) -> rb.WheelLoads:
+    """Return the loads under turned gravity, by the acceleration of the same effect."""
+    g = rb.GRAVITY["earth"]
+    turned = g * np.array([np.sin(angle) * np.cos(azimuth), np.sin(angle) * np.sin(azimuth), -np.cos(angle)])
+    return rb.wheel_loads(pose, acceleration=np.array([0.0, 0.0, -g]) - turned)
+
+
+@pytest.mark.parametrize(("name", "surface"), [("curiosity", "mars"), ("osr", "rocks")])
+def test_a_conic_solver_holds_the_rover_within_the_margin_and_not_beyond(name: str, surface: str) -> None:
+    pose = settled(name, 5, 3, surface=surface)
+    friction = 1.2
+    got = rb.stability(pose, friction=friction)
+    for k in range(3):
+        columns, _ = unit_columns(pose, k)
+        weights = weight_columns(pose, k)
+        scale = np.abs(columns[3:]).max()
+        columns[3:] /= scale
+        weights[3:] /= scale
+        margin = float(got.tip_margin[k])
+        assert 0.1 < margin < 1.5
+
+        def short(azimuth: float, angle: float, weights: np.ndarray = weights, columns: np.ndarray = columns) -> float:
+            turned = np.array([np.sin(angle) * np.cos(azimuth), np.sin(angle) * np.sin(azimuth), -np.cos(angle)])
+            return conic(columns, -weights @ turned, friction)
+
+        assert short(float(got.direction[k]), margin + 2e-3) > 0.0
+        for azimuth in np.arange(12) * np.pi / 6:
+            assert short(azimuth, margin - 2e-3) < 1e-9
+
+
+def weight_columns(pose: rb.Pose, k: int) -> np.ndarray:
+    """Return the nine sums of a unit weight along each axis, (9, 3)."""
+    from test_loads import link_wrenches
+
+    one = rb.wheel_loads(pose)
+    empty = {name: np.zeros_like(getattr(one, name)) for name in ("normal", "traction", "side", "torque", "joint_torque")}
+    none = rb.WheelLoads(
+        **empty, required_friction=one.required_friction, friction_bound=one.friction_bound, belly=one.belly,
+        status=one.status, law="vertical",
+    )  # fmt: skip
+    columns = [link_wrenches(pose, none, k, gravity=axis) for axis in np.eye(3)]
+    return np.array(columns).T / pose.rover.mass
+
+
+def test_the_margin_shrinks_by_the_slope() -> None:
+    rover = rb.load_rover("osr")
+    flat = rb.stability(rb.settle(rover, plane(0.0), 0.0, 0.0, np.pi))
+    steep = rb.stability(rb.settle(rover, plane(0.3), 0.0, 0.0, np.pi))
+    facing = rb.stability(rb.settle(rover, plane(0.0), 0.0, 0.0, 0.0))
+    assert flat.tip_margin == pytest.approx(float(facing.tip_margin), abs=1e-5)  # turning the rover changes nothing
+    assert abs(np.cos(facing.direction)) == pytest.approx(1.0, abs=1e-3)  # it tips along its own axis
+    along = rb.stability(rb.settle(rover, plane(0.3), 0.0, 0.0, 0.0 if np.cos(facing.direction) < 0 else np.pi))
+    assert along.tip_margin == pytest.approx(float(flat.tip_margin) - 0.3, abs=1e-4)
+    assert steep.tip_margin >= along.tip_margin - 1e-6
+
+
+def test_gravity_scales_the_energy_and_not_the_angle() -> None:
+    pose = settled("sawppy", 3, 4)
+    earth, moon = rb.stability(pose), rb.stability(pose, gravity=rb.GRAVITY["moon"])
+    np.testing.assert_array_equal(earth.tip_margin, moon.tip_margin)
+    np.testing.assert_allclose(moon.energy / earth.energy, rb.GRAVITY["moon"] / rb.GRAVITY["earth"], rtol=1e-12)
+
+
+def test_bad_input_is_a_sentence_and_no_pose_is_nan() -> None:
+    pose = settled("curiosity", 3, 2)
+    for wrong in ({"gravity": -1.0}, {"friction": 0.0}, {"friction": np.nan}, {"friction": "much"}):
+        with pytest.raises(rb.RockerbogieError):
+            rb.stability(pose, **wrong)
+    got = rb.stability(rb.settle(pose.rover, pose.terrain, 1e4, 0.0))
+    assert np.isnan([got.tip_margin, got.direction, got.energy]).all()
+    assert got.edge == ""
+
+
+def test_a_locked_rover_in_mujoco_tips_at_the_same_tilt() -> None:
+    mujoco = pytest.importorskip("mujoco", reason="needs mujoco")
+    from support.braked import tilt_of_loss
+
+    rover, friction = rb.load_rover("osr").replace(wheel_width=0.0), 1.2
+    pose = rb.settle(rover, rb.surfaces.plane(), 0.0, 0.0)
+    for azimuth in (0.0, 0.5 * np.pi):
+        limits = [tilted(pose, azimuth, angle).required_friction < friction for angle in np.radians(np.arange(40.0, 60.0, 0.1))]
+        expected = 40.0 + 0.1 * int(np.argmin(limits))
+        assert np.degrees(tilt_of_loss(mujoco, rover, azimuth, friction, np.radians(expected))) == pytest.approx(
+            expected, abs=0.5
+        )
