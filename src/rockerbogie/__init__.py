@@ -89,9 +89,15 @@ if TYPE_CHECKING:
     from .simulation.compare import settle_along as settle_along
     from .simulation.mjcf import to_mjcf as to_mjcf
     from .simulation.simulate import simulate as simulate
+    from .statics import obstacles as obstacles
+    from .statics.climb import Climb as Climb
+    from .statics.climb import climb as climb
+    from .statics.climb_limits import ClimbLimits as ClimbLimits
+    from .statics.climb_limits import limits_of as limits_of
     from .statics.loads import LoadStatus as LoadStatus
     from .statics.loads import WheelLoads as WheelLoads
     from .statics.loads import wheel_loads as wheel_loads
+    from .statics.obstacles import Profile as Profile
     from .statics.stability import Stability as Stability
     from .statics.stability import stability as stability
     from .terrain import surfaces as surfaces
@@ -136,6 +142,12 @@ _EXPORTS = {
     "stability": "statics.stability",
     "WheelLoads": "statics.loads",
     "wheel_loads": "statics.loads",
+    "obstacles": "statics",
+    "Profile": "statics.obstacles",
+    "climb": "statics.climb",
+    "Climb": "statics.climb",
+    "limits_of": "statics.climb_limits",
+    "ClimbLimits": "statics.climb_limits",
     "wheel_jacobians": "motion.jacobian",
     "JACOBIAN_COLUMNS": "motion.jacobian",
     "system_jacobian": "motion.jacobian",

@@ -23,6 +23,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "reproduce": ("rockerbogie.cli.reproduce:reproduce", "Reproduce section III of the paper: figures, data, animation, report."),
     "settle": ("rockerbogie.cli.settle:settle", "Compute the pose of a rover at one position, and show it."),
     "loads": ("rockerbogie.cli.loads:loads", "Compute wheel loads, required friction, motor torques and the tip margin."),
+    "climb": ("rockerbogie.cli.climb:climb", "Drive a rover over a step, a ditch or stairs: friction and torque needed, limits."),
     "drive": ("rockerbogie.cli.drive:drive", "Drive a rover along a path quasi-statically."),
     "simulate": ("rockerbogie.cli.drive:simulate", "Simulate a drive in MuJoCo's rigid-body dynamics, and compare."),
     "map": ("rockerbogie.cli.map:map_", "Map where a rover can drive on a whole terrain: GeoTIFF for QGIS, Zarr or NetCDF."),

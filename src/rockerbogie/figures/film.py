@@ -80,6 +80,23 @@ def write_film(
         raise RockerbogieError("the run has no pose to film: see its status")
     at = known[np.unique(np.linspace(0, known.size - 1, frames).round().astype(int))]
     pictures = _pictures(rover, terrain, run, at, view, bounds, tracks, progress)
+    return write_pictures(path, pictures, rate)
+
+
+def write_pictures(path: Path, pictures: Iterator[Picture], rate: float) -> Path:
+    """Write pictures as a film, GIF or MP4 by the ending of the file name.
+
+    Args:
+        path: ends in .gif or .mp4 (the latter needs the film extra).
+        pictures: (height, width, 3) each, of equal size.
+        rate: pictures per second.
+
+    Returns:
+        The file.
+
+    Raises:
+        RockerbogieError: PyAV is not installed.
+    """
     (_write_gif if path.suffix.lower() == ".gif" else _write_mp4)(path, pictures, rate)
     return path
 

@@ -22,8 +22,9 @@ if TYPE_CHECKING:
 
     from ..motion.path_files import Route
     from ..settling.pose import Pose
+    from ..statics.climb import Climb
 
-__all__ = ["film", "map", "odometry", "pose", "rover", "run", "terrain", "track", "validation"]
+__all__ = ["climb", "film", "map", "odometry", "pose", "rover", "run", "steps", "terrain", "track", "validation"]
 
 #: Width and height, inches.
 Size = tuple[float, float]
@@ -235,6 +236,53 @@ def rover(
 
     expect(rover, Rover, "rover", LOAD_ROVER)
     return _finish(lambda: blueprint(rover, title), file, size, dpi, force)
+
+
+def climb(
+    run: Climb, file: str | Path | None = None, *, title: str = "", size: Size | None = None, dpi: float | None = None,
+    force: bool = False,
+) -> Figure:  # fmt: skip
+    """Draw the rover at its hardest station, and friction and torque along the way.
+
+    Args:
+        run: from `rockerbogie.climb`.
+        file: the picture to write.
+        title: text above; default: rover, obstacle and verdict.
+        size: width and height, inches.
+        dpi: pixels per inch of a .png.
+        force: replace a file that this package did not write.
+
+    Returns:
+        The figure.
+    """
+    from ..statics.climb import Climb
+    from .climbing import climb_figure
+
+    expect(run, Climb, "run", "give what rockerbogie.climb returns")
+    return _finish(lambda: climb_figure(run, title), file, size, dpi, force)
+
+
+def steps(
+    rover: Rover, file: str | Path | None = None, *, friction: float | None = None, size: Size | None = None,
+    dpi: float | None = None, force: bool = False,
+) -> Figure:  # fmt: skip
+    """Draw the friction that a rover needs against the height of a step.
+
+    Args:
+        rover: the rover.
+        file: the picture to write.
+        friction: coefficient to mark.
+        size: width and height, inches.
+        dpi: pixels per inch of a .png.
+        force: replace a file that this package did not write.
+
+    Returns:
+        The figure.
+    """
+    from .climbing import step_chart
+
+    expect(rover, Rover, "rover", LOAD_ROVER)
+    return _finish(lambda: step_chart(rover, friction), file, size, dpi, force)
 
 
 def film(
