@@ -156,6 +156,13 @@ def test_pose_over_known_terrain_is_found_with_missing_data_bridged(k: int) -> N
     assert (rb.settle(case.rover, window, case.x[k], case.y[k], **place).q == pose.q).all()
 
 
+def test_a_pose_that_the_search_misses_is_not_refused_for_missing_data() -> None:
+    """The search also fails on the map without missing data, so the status does not blame it."""
+    case, k = draw_case(3035, "ripples", "cubic", 500, missing=True), 425
+    pose = rb.settle(case.rover, case.terrain, case.x[k], case.y[k], case.yaw[k], steering=case.steering[k])
+    assert pose.status in (rb.Status.CONVERGED, rb.Status.NOT_CONVERGED)
+
+
 def test_bridged_pose_over_missing_data_is_refused() -> None:
     """A pose with a tread over missing data is NO_DATA."""
     z = np.zeros((60, 60))

@@ -40,7 +40,7 @@ from .simd.cubic_settle import ROUNDS, load, settle_block
 from .simd.layout import BILINEAR, BILINEAR_SIZE, CONTACT, CUBIC, CUBIC_SIZE, LANES, LINE, POSE
 from .simd.linkage import line_up
 from .solve.equilibrium import R_SIZE, settle_equilibrium, settle_from_pose
-from .solve.newton import CONVERGED, JOINT_STOP, beyond_stops, covered, settle_contact
+from .solve.newton import CONVERGED, JOINT_STOP, NO_DATA, NOT_CONVERGED, STARTS, beyond_stops, covered, settle_contact
 
 Array = NDArray[np.float64]
 
@@ -200,7 +200,7 @@ def settle_left(
         k = left[n]
         set_hub_offsets(car, steering[k if steering.shape[0] > 1 else 0], work.hub_offsets)
         px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
-        status[k] = settle_contact(land, car, px, py, math.cos(yaw[k]), math.sin(yaw[k]), q[k], work)
+        status[k], _ = settle_contact(land, car, px, py, math.cos(yaw[k]), math.sin(yaw[k]), 0, q[k], work)
         q[k, Z] += meta[META_Z]
     buffer[0] = 0.0  # keep the buffer alive: `work` is an unowned view of it
 
@@ -284,8 +284,9 @@ def settle_bridged(
 ) -> None:  # fmt: skip
     """Settle poses in contact mode again, on terrain whose missing data is bridged.
 
-    A search that finds no terrain in missing cells may fail where another pose lies over known terrain. The pose found here
-    counts if its treads lie over known terrain, where the bridged terrain is the terrain itself.
+    A search that finds no terrain in missing cells may fail where another pose lies over known terrain. The first pose found here
+    whose treads lie over known terrain counts: there the bridged terrain is the terrain itself. If the search finds no pose at
+    all, a status of NO_DATA becomes NOT_CONVERGED: missing data is not what refuses the pose.
 
     Args:
         ground, rover: the packed terrain and rover.
@@ -306,10 +307,17 @@ def settle_bridged(
         i0, i1, j0, j1 = cells_around(land, px, py, far)
         grid, missing = bridged_grid(land, i0, i1, j0, j1)
         if 0 < missing < grid.size:
-            code = settle_contact(with_grid(land, grid, j0, i0), car, px, py, cy, sy, trial, work)
-            if (code == CONVERGED or code == JOINT_STOP) and covered(land, car, px, py, cy, sy, trial, False, work):
-                status[k], q[k] = code, trial
-                q[k, Z] += meta[META_Z]
+            bridged, attempt, found = with_grid(land, grid, j0, i0), 0, False
+            while attempt < STARTS:  # past poses over bridged terrain
+                code, attempt = settle_contact(bridged, car, px, py, cy, sy, attempt, trial, work)
+                if attempt < STARTS and covered(land, car, px, py, cy, sy, trial, False, work):
+                    status[k], q[k] = code, trial
+                    q[k, Z] += meta[META_Z]
+                    break
+                if code == NOT_CONVERGED and status[k] == NO_DATA and not found:
+                    status[k] = code  # it is not missing data that refuses the pose
+                found = True
+                attempt += 1
             grid[0, 0] = 0.0  # keep the grid alive: the bridged terrain is an unowned view of it
     buffer[0] = 0.0  # keep the buffer alive: `work` is an unowned view of it
 

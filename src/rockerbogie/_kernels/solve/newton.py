@@ -247,7 +247,9 @@ def start_pose(ground: Ground, rover: Array, x: float, y: float, attempt: int, q
 
 
 @njit
-def settle_contact(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, work: Work) -> int:
+def settle_contact(
+    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, first: int, q: Array, work: Work
+) -> tuple[int, int]:
     """Find a pose whose six gaps are zero, by Newton's method from a fixed sequence of starts.
 
     The first start is horizontal. If the contacts of a wheel alternate, Newton's method may cycle; the next start then
@@ -260,14 +262,15 @@ def settle_contact(ground: Ground, rover: Array, x: float, y: float, cy: float, 
         rover: (P_SIZE,) packed rover.
         x, y: m, the body's origin from the map's first node.
         cy, sy: cos and sin of yaw.
+        first: start of the sequence to begin with, 0 to STARTS - 1.
         q: (6,) filled with the pose, NaN if none is found.
         work: scratch; work.hub_offsets holds the steering.
 
     Returns:
-        Status code: CONVERGED, JOINT_STOP, NOT_CONVERGED, OFF_MAP or NO_DATA.
+        Status code, CONVERGED, JOINT_STOP, NOT_CONVERGED, OFF_MAP or NO_DATA; the start that led to the pose, STARTS if none did.
     """
     strayed, edges, over = 0, 0, FOUND
-    for attempt in range(STARTS):
+    for attempt in range(first, STARTS):
         start_pose(ground, rover, x, y, attempt, q, work.touch)
         if attempt == 0:
             stand_on_hubs(ground, rover, x, y, cy, sy, q, work)
@@ -282,9 +285,9 @@ def settle_contact(ground: Ground, rover: Array, x: float, y: float, cy: float, 
             if edges == EDGE_STARTS:
                 break
         elif code == FOUND and max(max(abs(q[1]), abs(q[2])), max(abs(q[3]), max(abs(q[4]), abs(q[5])))) < MAX_ANGLE:
-            return JOINT_STOP if beyond_stops(rover, q) else CONVERGED
+            return (JOINT_STOP if beyond_stops(rover, q) else CONVERGED), attempt
     q[:] = math.nan
-    return NOT_CONVERGED if over == FOUND else (OFF_MAP if over == OFF else NO_DATA)
+    return (NOT_CONVERGED if over == FOUND else (OFF_MAP if over == OFF else NO_DATA)), STARTS
 
 
 @njit
