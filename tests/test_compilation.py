@@ -15,6 +15,7 @@ import rockerbogie as rb
 from rockerbogie import compilation
 from rockerbogie._kernels import batch
 from rockerbogie._kernels.model import ground, jacobians
+from rockerbogie._kernels.statics import loads
 from rockerbogie._kernels.verify import gap
 from rockerbogie.cli import main
 from rockerbogie.figures import raster_kernels
@@ -23,6 +24,7 @@ from rockerbogie.figures import raster_kernels
 SIGNATURES = {
     batch.settle_cubic: 1, batch.settle_linear: 1, batch.settle_left: 2, batch.rest_batch: 2, batch.rest_left: 2,
     batch.touch_batch: 2, batch.clearance_batch: 2, ground.surface_batch: 2, gap.verify_batch: 1,
+    batch.settle_bridged: 2, batch.rest_bridged: 2, loads.belly_batch: 2, loads.loads_batch: 1, loads.stability_batch: 1,
     jacobians.wheel_jacobians_batch: 1, raster_kernels.shade: 1, raster_kernels.rasterise: 1,
 }  # fmt: skip
 #: Ordinary use of one pose and of many, in a process that may not compile.
@@ -39,8 +41,15 @@ for interpolation in ("cubic", "linear"):
         for mode in ("contact", "equilibrium"):
             pose = rb.settle(rover, terrain, x, y, yaw, steering=np.zeros((*shape, 6)), mode=mode)
             pose.gap, pose.contact_angle, pose.clearance, rb.wheel_jacobians(rover, pose)
+            rb.wheel_loads(pose)
+        rb.stability(pose)
     rb.verify(pose)
     terrain.normal(x, y)
+    z = terrain.z.copy()
+    z[60:80, 60:80] = np.nan
+    gaps = rb.Terrain.from_array(z, terrain.spacing, terrain.origin, interpolation=interpolation)
+    for mode in ("contact", "equilibrium"):
+        rb.settle(rover, gaps, x, y, yaw, mode=mode)
     rb.drive(rover, terrain, rb.Path.straight((-1.0, 0.0), 0.0, 1.0), speed=0.1)
 print(compiled_count())
 """

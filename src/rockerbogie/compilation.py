@@ -17,7 +17,7 @@ from .errors import RockerbogieError
 TOO_STEEP = 1.3
 
 #: Number of steps of `_steps`.
-STEPS = 14
+STEPS = 21
 
 
 class Compiled(NamedTuple):
@@ -68,7 +68,10 @@ def _steps() -> Iterator[Callable[[], object]]:
     from .rover.formats import load_rover
     from .settling.settle import settle
     from .settling.verification import verify
+    from .statics.loads import wheel_loads
+    from .statics.stability import stability
     from .terrain import surfaces
+    from .terrain.heightfield import Terrain
 
     rover = load_rover("curiosity")
     far = [0.0, 1e4]  # the second pose is off the map, so it is computed by the scalar kernels
@@ -78,10 +81,17 @@ def _steps() -> Iterator[Callable[[], object]]:
         yield partial(level.height, 0.0, 0.0)
         yield partial(settle, rover, level, far, 0.0)
         yield partial(settle, rover, steep, far, 0.0, mode="equilibrium")
+        yield partial(wheel_loads, settle(rover, level, 0.0, 0.0, mode="equilibrium"))
+        z = level.z.copy()
+        z[::2, ::2] = np.nan
+        gaps = Terrain.from_array(z, level.spacing, level.origin, interpolation=interpolation)
+        yield partial(settle, rover, gaps, 0.0, 0.0)
+        yield partial(settle, rover, gaps, 0.0, 0.0, mode="equilibrium")
         pose = settle(rover, level, 0.0, 0.0)
         yield partial(getattr, pose, "gap")
         yield partial(getattr, pose, "clearance")
         yield partial(verify, pose)
     yield partial(wheel_jacobians, rover, pose)
+    yield partial(stability, pose)
     triangle = Mesh.flat(np.eye(3)[None], (1.0, 1.0, 1.0))
     yield partial(render, triangle, Camera.framing(triangle.corners, 0.5, 0.5, (8, 8)), sun=(0.5, 0.8))

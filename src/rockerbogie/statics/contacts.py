@@ -52,12 +52,11 @@ def pack_contacts(pose: Pose) -> PackedContacts:
     belly_point = belly_normal = np.full((1, BELLY, 3), np.nan)
     if pose.report is not None:
         wanted = np.ascontiguousarray(pose.belly_support > 0.0).reshape(n)
-        if wanted.any():
-            belly_point, belly_normal = np.empty((n, BELLY, 3)), np.empty((n, BELLY, 3))
-            position = (flat(pose.x), flat(pose.y), flat(pose.yaw))
-            parallel_for(
-                kernel.belly_batch, n, pose.terrain.packed, pose.rover.packed, *position, q, wanted, belly_point, belly_normal
-            )
+        belly_point, belly_normal = np.empty((n, BELLY, 3)), np.empty((n, BELLY, 3))
+        position = (flat(pose.x), flat(pose.y), flat(pose.yaw))
+        parallel_for(
+            kernel.belly_batch, n, pose.terrain.packed, pose.rover.packed, *position, q, wanted, belly_point, belly_normal
+        )
     return PackedContacts(
         pose.rover.packed, flat(pose.yaw), flat_steering(pose.steering), q, point, flat(pose.contact_normal, 6, 3),
         np.ascontiguousarray(pose.joint_stop).reshape(n, 3), belly_point, belly_normal,
