@@ -47,7 +47,7 @@ def test_a_name_loads_no_more_than_it_needs(code: str, allowed: set[str]) -> Non
 def test_every_public_name_is_there(name: str) -> None:
     value = getattr(rb, name)
     assert value is getattr(rb, name), "the same object each time"
-    assert isinstance(value, ModuleType) == (name in ("surfaces", "plot"))
+    assert isinstance(value, ModuleType) == (name in ("surfaces", "obstacles", "plot"))
     assert name in dir(rb)
 
 

@@ -63,6 +63,11 @@ WRITERS: dict[str, tuple[list[str], list[str]]] = {
         ["drive", "-t", "dem.tif", "-r", "my.toml", "-p", "path.csv", "--step", "0.1", "-o", "out"],
         ["run.nc", "run.csv", "map.png", "profile.png", "worst.png"],
     ),
+    "climb": (
+        ["climb", "my.toml", "--step", "0.03", "--plot", "out/c.png", "--chart", "out/steps.svg"],
+        ["c.png", "steps.svg"],
+    ),
+    "climb film": (["climb", "my.toml", "--step", "0.03", "--film", "out/c.gif"], ["c.gif"]),
     "drive --mcap": (["drive", "-t", "dem.tif", "-r", "my.toml", "--step", "0.1", "-o", "out", "--mcap"], ["run.mcap"]),
     "simulate": (
         ["simulate", "-t", "dem.tif", "-r", "my.toml", "-p", "path.csv", "-o", "out"],
@@ -109,7 +114,7 @@ SLOW = ("simulate", "reproduce", "bench")
 
 
 def test_every_command_that_writes_is_here() -> None:
-    assert {argv[0] for argv, _ in WRITERS.values()} == set(COMMANDS) - {"compile"}
+    assert {argv[0] for argv, _ in WRITERS.values()} == set(COMMANDS) - {"compile", "loads"}
 
 
 @pytest.mark.parametrize("case", WRITERS)
@@ -171,6 +176,7 @@ INPUT_AS_OUTPUT = {
     "export, included": ["export", "outer.xml", "-o", "part.xml"],
     "rovers import": ["rovers", "import", "my.toml", "-o", "my.toml"],
     "rovers new": ["rovers", "new", "my.toml", "--like", "my.toml"],
+    "climb, profile": ["climb", "osr", "--profile", "dem.png", "--plot", "dem.png"],
     "bench": ["bench", "--compare", "b.json", "--save", "b.json"],
 }
 

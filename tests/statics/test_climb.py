@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from itertools import pairwise, product
 from pathlib import Path
@@ -21,13 +22,10 @@ from rockerbogie.statics.hub_curve import HubCurve
 from rockerbogie.statics.planar_forces import equal_friction, least_friction, least_torque
 from rockerbogie.statics.planar_run import run_over
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
+from compare_climb import Case, free_rover, predict, simulate
+
 ROVERS = ("curiosity", "osr", "rocky7", "sawppy", "elhami-dashti")
-FREE = (-np.inf, np.inf)
-
-
-def free_osr() -> rb.Rover:
-    """Return the Open Source Rover without the joint limits of its URDF."""
-    return rb.load_rover("osr").replace(bogie_limits=FREE, rocker_limits=FREE)
 
 
 def random_profile(seed: int, n: int = 40) -> rb.Profile:
@@ -419,7 +417,7 @@ def test_walls_need_about_the_published_friction(name: str) -> None:
 
 
 def test_open_source_rover_climbs_its_step_but_not_its_stairs() -> None:
-    rover, inch = free_osr(), 0.0254
+    rover, inch = free_rover("osr"), 0.0254
     step = rb.climb(rover, rb.obstacles.step(7.75 * inch), friction=0.61)
     assert step.climbed
     stairs = rb.climb(rover, rb.obstacles.stairs(7.75 * inch, 10 * inch, 4), friction=0.61)
@@ -523,3 +521,21 @@ def test_command_reads_a_profile(tmp_path: Path) -> None:
     table = tmp_path / "kerb.csv"
     table.write_text("x [cm],z [mm]\n0,0\n0,30\n50,30\n")
     assert main(["climb", "osr", "--profile", str(table)]) == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "direction", "height", "friction"),
+    [
+        ("curiosity", "forward", 0.8, 0.9),
+        ("curiosity", "backward", 0.6, 0.38),
+        ("osr", "backward", 1.2, 0.55),
+        ("osr", "forward", 1.2, 0.9),
+    ],
+)
+def test_verdict_and_axle_agree_with_mujoco(name: str, direction: str, height: float, friction: float) -> None:
+    rover = free_rover(name)
+    case = Case(rover, direction, height * float(rover.wheel_radius.max()), friction)
+    run = predict(case)
+    climbed, place = simulate(case)
+    assert run.climbed == climbed
+    assert place in run.phase
