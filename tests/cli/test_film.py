@@ -25,7 +25,7 @@ def test_a_film_of_another_kind_is_refused_before_any_work(
     command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main([command, "-t", "surface:plane", "--film", str(tmp_path / "run.avi")]) == 2
-    assert "is no film: end it in .gif or .mp4" in capsys.readouterr().err
+    assert "is not the name of a film: end it in .gif or .mp4" in capsys.readouterr().err
     theirs = tmp_path / "run.gif"
     theirs.write_bytes(b"GIF89a of another program")
     assert main([command, "-t", "surface:plane", "--film", str(theirs)]) == 2
