@@ -125,7 +125,7 @@ def test_wrong_files_are_refused_in_one_sentence(run, rover, tmp_path):
         read_log(odd, rover)
     cases = {
         "time [s]\n": "holds no rows",
-        "t,a\n0,1\n": "no column 'time'",
+        "q,a\n0,1\n": "no column 'time'",
         "time [s],wheel_rate_LF [furlong]\n0,1\n": "is in 'furlong'",
         "time,roll\n0,1\n1,soft\n": "row 3, column 'roll' holds 'soft'",
         "time,roll\n0,1\n1,2\n": "no wheel_angle or wheel_rate for all six wheels",

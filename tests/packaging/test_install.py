@@ -80,7 +80,7 @@ def build(python: Path, kind: str, folder: Path) -> Path:
     requires = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["build-system"]["requires"]
     run(python, "-m", "pip", "install", "-q", *requires)
     target = folder / "dist"
-    subprocess.run([python, "-m", "hatchling", "-q", "build", "-t", kind, "-d", target], cwd=ROOT, check=True, timeout=120)
+    subprocess.run([python, "-m", "hatchling", "build", "-t", kind, "-d", target], cwd=ROOT, check=True, timeout=120)
     (file,) = target.iterdir()
     return file
 
