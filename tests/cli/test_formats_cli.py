@@ -40,6 +40,17 @@ def test_lists_the_presets(capsys: pytest.CaptureFixture[str]) -> None:
     assert record["elhami-dashti"]["rocker_limits"] == [None, None]
 
 
+def test_shows_loads_tip_margin_and_climb_limits(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["rovers", "osr", "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert sum(record["load_share"]) == pytest.approx(1.0, abs=1e-9)
+    rover = rb.load_rover("osr")
+    assert record["tip_margin"] == pytest.approx(float(rb.stability(rb.settle(rover, rb.surfaces.plane(), 0.0, 0.0)).tip_margin))
+    assert record["climb_limits"]["step_forward"] == pytest.approx(rb.limits_of(rover, friction=0.7).step_forward)
+    assert main(["rovers", "osr"]) == 0
+    assert "at friction 0.7: slopes up 35.0°" in capsys.readouterr().out
+
+
 def test_shows_the_papers_table(capsys: pytest.CaptureFixture[str]) -> None:
     """The reference is the paper's Table I, corrected: θ, d, a, α of every frame."""
     assert main(["rovers", "elhami-dashti"]) == 0

@@ -110,7 +110,7 @@ def _print_margins(tip: Stability) -> None:
         text = "no turn of gravity up to 90° tips it"
     else:
         how = "slides" if tip.slides else f"tips over {tip.edge}"
-        text = f"tip margin {np.degrees(margin):.1f}° towards azimuth {np.degrees(float(tip.direction)):.0f}°, where it {how}"
+        text = f"tip margin {np.degrees(margin):.1f}° towards azimuth {round(np.degrees(float(tip.direction)))}°, where it {how}"
     Console().print(text, highlight=False)
 
 

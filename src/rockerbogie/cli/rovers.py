@@ -21,6 +21,14 @@ from .common import Force, Json, guard_outputs, make_folder, print_json
 
 app = cyclopts.App(name="rovers", help="List rovers, show one with its dimensions, start a rover file, import a robot file.")
 
+#: Friction coefficient of the climb limits shown.
+CLIMB_FRICTION = 0.7
+#: Limits shown, fields of `ClimbLimits`.
+LIMITS = (
+    "slope_up", "slope_down", "slope_across", "step_forward", "step_backward", "ditch_forward", "ditch_backward",
+    "slope_torque", "step_torque",
+)  # fmt: skip
+
 Picture = Annotated[Path | None, Parameter(name=["--output", "-o"])]
 
 
@@ -28,7 +36,8 @@ Picture = Annotated[Path | None, Parameter(name=["--output", "-o"])]
 def show(name: str | None = None, /, *, output: Picture = None, force: Force = False, json: Json = False) -> None:
     """List the rovers, or show one.
 
-    It shows dimensions and the Denavit-Hartenberg table (K1 to K11); with -o the drawing.
+    It shows dimensions, the Denavit-Hartenberg table (K1 to K11), loads and tip margin on level terrain and the obstacles that
+    the rover climbs at friction 0.7; with -o the drawing.
 
     Parameters
     ----------
@@ -52,9 +61,10 @@ def show(name: str | None = None, /, *, output: Picture = None, force: Force = F
     rover = load_rover(name)
     details = read_details(name)
     if json:
-        print_json(_record(rover) | details)
+        print_json(_record(rover) | details | _statics(rover))
     else:
         _print_rover(rover, details)
+        _print_statics(rover, _statics(rover))
     if output is not None:
         from ..figures.blueprint import blueprint
         from ..figures.style import save
@@ -239,6 +249,49 @@ def _print_rover(rover: Rover, details: dict[str, str]) -> None:
     for row in dh_table(rover):
         table.add_row(row.frame, row.parent, _theta(rover, row), f"{row.d:.5g}", f"{row.a:.5g}", f"{np.degrees(row.alpha):.5g}")
     console.print(table)
+
+
+def _statics(rover: Rover) -> dict[str, Any]:
+    """Return loads, tip margin and climb limits; empty if the rover cannot stand on a plane."""
+    from ..settling.settle import settle
+    from ..settling.status import Status
+    from ..statics.climb_limits import limits_of
+    from ..statics.loads import LoadStatus, wheel_loads
+    from ..statics.stability import stability
+    from ..terrain import surfaces
+
+    pose = settle(rover, surfaces.plane(size=4.0 * rover.wheelbase), 0.0, 0.0)
+    if not rover.mass > 0.0 or pose.status != Status.CONVERGED:
+        return {}
+    loads, tip = wheel_loads(pose, law="vertical"), stability(pose)
+    if loads.status != LoadStatus.BALANCED:
+        return {}
+    limits = limits_of(rover, friction=CLIMB_FRICTION)
+    return {
+        "load_share": loads.normal / (rover.mass * pose.gravity),
+        "tip_margin": float(tip.tip_margin),
+        "tip_direction": float(tip.direction),
+        "climb_limits": {name: getattr(limits, name) for name in LIMITS} | {"friction": CLIMB_FRICTION},
+    }
+
+
+def _print_statics(rover: Rover, found: dict[str, Any]) -> None:
+    """Print loads, tip margin and climb limits as sentences."""
+    if not found:
+        return
+    shares = " · ".join(f"{name} {100 * share:.1f} %" for name, share in zip(rover.wheel_names, found["load_share"], strict=True))
+    print(f"\nlevel terrain: load {shares}")
+    if np.isfinite(found["tip_direction"]):
+        print(
+            f"tip margin {np.degrees(found['tip_margin']):.1f}°, towards {round(np.degrees(found['tip_direction']))}° from ahead"
+        )
+    limits = found["climb_limits"]
+    slopes = " · ".join(f"{way} {np.degrees(limits[f'slope_{way}']):.1f}°" for way in ("up", "down", "across"))
+    both = " · ".join(
+        f"{what} {limits[f'{what}_forward']:.3g} m forward, {limits[f'{what}_backward']:.3g} m backward"
+        for what in ("step", "ditch")
+    )
+    print(f"at friction {CLIMB_FRICTION}: slopes {slopes} · {both} (rockerbogie climb {rover.name})")
 
 
 def _theta(rover: Rover, row: DHRow) -> str:
