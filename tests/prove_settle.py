@@ -116,7 +116,7 @@ def prove_rest(pose: rb.Pose, tries: int = 40, seed: int = 0) -> RestProof:
     lowest = np.minimum(wheel.min(axis=1), belly)
     low, high = np.array([rover.rocker_limits, rover.bogie_limits, rover.bogie_limits]).T
     weight = rover.mass * 9.80665
-    share, borne = pose.support[at] / weight, pose.belly_support[at] / weight
+    share, belly_share = pose.support[at] / weight, pose.belly_support[at] / weight
     lifted, on_belly = pose.wheel_lifted[at], pose.status[at] == rb.Status.BELLY_CONTACT
     clear, close = 1.1 * TOLERANCE, 0.9 * TOLERANCE  # between the two, both reports are right
     checks = {
@@ -126,9 +126,9 @@ def prove_rest(pose: rb.Pose, tries: int = 40, seed: int = 0) -> RestProof:
         "a wheel reported as lifted is in contact": (lifted & (wheel < close)).any(axis=1),
         "contact of the body is not as reported": (on_belly & (belly > clear)) | (~on_belly & (belly < close)),
         "a joint is beyond its limit": ((q[:, 3:] < low - 1e-9) | (q[:, 3:] > high + 1e-9)).any(axis=1),
-        "a contact force is negative": (share < 0).any(axis=1) | (borne < 0),
-        "the forces do not sum to the weight": abs(share.sum(axis=1) + borne - 1) > 1e-6,
-        "a force acts without contact": ((share > 0) & (wheel > clear)).any(axis=1) | ((borne > 0) & (belly > clear)),
+        "a contact force is negative": (share < 0).any(axis=1) | (belly_share < 0),
+        "the forces do not sum to the weight": abs(share.sum(axis=1) + belly_share - 1) > 1e-6,
+        "a force acts without contact": ((share > 0) & (wheel > clear)).any(axis=1) | ((belly_share > 0) & (belly > clear)),
     }
     rng = np.random.default_rng(seed)
     size = rover.wheelbase

@@ -242,7 +242,8 @@ def test_acceleration_downhill_needs_no_friction_and_drawbar_adds_to_traction() 
 def test_bad_input_is_a_sentence_or_a_status() -> None:
     pose = settled("curiosity", 3, 4)
     for wrong in ({"law": "magic"}, {"gravity": 0.0}, {"gravity": -1.0}, {"gravity": np.nan}, {"drawbar": [1.0, 2.0]},
-                  {"acceleration": [1.0, 2.0]}, {"drawbar": "much"}):  # fmt: skip
+                  {"acceleration": [1.0, 2.0]},
+                  {"acceleration": [0.0, 0.0, -rb.GRAVITY["earth"]]}, {"drawbar": "much"}):  # fmt: skip
         with pytest.raises(rb.RockerbogieError):
             rb.wheel_loads(pose, **wrong)
     with pytest.raises(rb.RockerbogieError):

@@ -16,6 +16,9 @@ from ..errors import RockerbogieError
 from ..settling.pose import Pose, checked_gravity
 from .contacts import pack_contacts
 
+#: Gravity less the acceleration below which a rover counts as weightless, m/s².
+WEIGHTLESS = 1e-6
+
 Law = Literal["least_friction", "equal_torque", "equal_slip", "frictionless_sides", "vertical"]
 LAWS: tuple[str, ...] = get_args(Law)
 
@@ -98,7 +101,8 @@ def wheel_loads(
         WheelLoads with the pose's batch axes.
 
     Raises:
-        RockerbogieError: an unknown law, gravity not above 0, a rover without mass, or shapes that do not broadcast.
+        RockerbogieError: an unknown law, gravity not above 0, a rover without mass, an acceleration that cancels
+            gravity, or shapes that do not broadcast.
     """
     packed = pack_contacts(pose)
     if law not in LAWS:
@@ -108,6 +112,8 @@ def wheel_loads(
     if acceleration is not None:
         field = -_spread("acceleration", acceleration, pose.shape, 3)
     field = field + [0.0, 0.0, -checked_gravity(pose.gravity if gravity is None else gravity)]
+    if (np.linalg.norm(field, axis=-1) < WEIGHTLESS).any():
+        raise RockerbogieError("acceleration cancels gravity: a rover in free fall has no weight, and no wheel loads")
     n = pose.status.size
     force, torque, limit = np.empty((n, 6, 3)), np.empty((n, 6)), np.empty((n, 3))
     required, bound, belly, status = np.empty(n), np.empty(n), np.empty(n), np.empty(n, dtype=np.uint8)
