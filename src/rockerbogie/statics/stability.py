@@ -21,7 +21,7 @@ GRIP = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Stability:
-    """By how much poses are short of tipping over; NaN without a pose.
+    """By how much poses are short of tipping over; NaN without a pose or a solution.
 
     Attributes:
         tip_margin: (...) least angle by which gravity must turn until no contact forces hold the rover, rad; 0 if none

@@ -276,8 +276,8 @@ def hold_margin(
         stays: (6,) filled with True for wheels that stay in place in it.
 
     Returns:
-        The angle, rad, 0 if no forces hold the rover as it stands and π/2 if it is not less; True if no contact stays in
-        place in that motion.
+        The angle, rad, 0 if no forces hold the rover as it stands, π/2 if it is not less, NaN if too few limits are found;
+        True if no contact stays in place in that motion.
     """
     w, u, ue, move = new_work(), np.empty((6, 3)), np.empty(EXTRA), np.empty(3)
     set_columns(m, count, more, friction, w)
@@ -285,7 +285,7 @@ def hold_margin(
     stays[:] = False
     way[:] = 0.0
     first = math.atan2(m.axes[0, 1], m.axes[0, 0])
-    start, turn = 0, COARSE
+    start, turn, solved = 0, COARSE, 0
     while turn > FINE and best > 0.0 and (start <= AZIMUTHS or best < 0.5 * math.pi):
         # from evenly spaced azimuths towards the bounds found, then about the best one
         aside = turn if start % 2 == 0 else -turn
@@ -293,6 +293,7 @@ def hold_margin(
         improved, before = False, 0.5 * math.pi
         for _ in range(STEPS):
             angle = limit_in_azimuth(m, count, more, travel, azimuth, friction, w)
+            solved += not math.isnan(angle)
             if not angle < before - PRECISION:
                 break
             before = angle
@@ -314,6 +315,8 @@ def hold_margin(
         if start >= AZIMUTHS and not improved and start % 2 == 1:
             turn *= 0.4
         start += 1
+    if solved < AZIMUTHS // 2:
+        return math.nan, False
     return best, slides
 
 
