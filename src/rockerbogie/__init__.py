@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from .figures import plot as plot
     from .logs.attitude_log import LogMap as LogMap
     from .logs.attitude_log import read_places as read_places
+    from .logs.benchmark import MarsBenchmark as MarsBenchmark
+    from .logs.benchmark import benchmark_mars as benchmark_mars
+    from .logs.benchmark import write_benchmark_template as write_benchmark_template
     from .logs.channels import LogWarning as LogWarning
     from .logs.joint_log import read_log as read_log
     from .logs.mcap import write_mcap as write_mcap
@@ -183,6 +186,9 @@ _EXPORTS = {
     "Comparison": "simulation.compare",
     "Channel": "simulation.compare",
     "validate": "logs.validate",
+    "benchmark_mars": "logs.benchmark",
+    "MarsBenchmark": "logs.benchmark",
+    "write_benchmark_template": "logs.benchmark",
     "read_places": "logs.attitude_log",
     "LogMap": "logs.attitude_log",
     "traversability": "maps.traversability",

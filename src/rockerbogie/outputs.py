@@ -22,6 +22,7 @@ _TABLES = (
     "time [s],distance [m],x [m],y [m],",
     "x [m],y [m],yaw [rad],distance [m],cost [m],tilt [rad]",
     "place,x [m],y [m],yaw [deg],status,",
+    "case,channel,logged [deg],",
 )
 #: Files that users edit after they were written: they are not replaced without `force`.
 _EDITED = frozenset({".toml", ".urdf", ".sdf", ".xml", ".obj", ".md"})

@@ -30,6 +30,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "plan": ("rockerbogie.cli.plan:plan", "Compute the least-cost route over a map from `rockerbogie map`."),
     "odometry": ("rockerbogie.cli.odometry:odometry", "Compute 3-D odometry from a log of joint sensors."),
     "validate": ("rockerbogie.cli.validate:validate", "Compare predicted with logged attitude, with an uncertainty band."),
+    "benchmark": ("rockerbogie.cli.benchmark:app", "Score attitudes predicted by this or another program against flown ones."),
     "bench": ("rockerbogie.cli.bench:bench", "Time settling, as ratios to the paper's method and MuJoCo in the same run."),
     "compile": ("rockerbogie.cli.compile:compile_", "Compile all kernels for this machine in advance."),
     "rovers": ("rockerbogie.cli.rovers:app", "List rovers, show one, start a rover file, or import a robot file."),

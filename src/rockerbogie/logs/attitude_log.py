@@ -106,13 +106,18 @@ class LogMap:
         return [name for column in self.columns.values() for name in ([column] if isinstance(column, str) else column)]
 
 
-#: Logs that need no mapping: runs of this package, NASA's waypoints of Curiosity, the drives of Perseverance's drive-primer.
+#: Logs that need no mapping: runs of this package, waypoints of Curiosity and Perseverance, drives of Perseverance.
 KNOWN_LOGS = (
     LogMap({name: name for name in ("x", "y", *ATTITUDE)}, name="rockerbogie"),
     LogMap(
         {"place": "sol", "x": "easting_m", "y": "northing_m", "roll": "roll_deg", "pitch": "pitch_deg", "yaw": "yaw_deg"},
         frame="ned",
         name="curiosity waypoints",
+    ),
+    LogMap(
+        {"place": "site", "x": "easting_m", "y": "northing_m", "roll": "roll_deg", "pitch": "pitch_deg", "yaw": "yaw_deg"},
+        frame="ned",
+        name="perseverance waypoints",
     ),
     LogMap(
         {
