@@ -34,7 +34,7 @@ def mars(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Score predicted pitch and roll against flown attitudes: this package, a plane, another program.
+    """Score predicted pitch and roll against flown ones: package, plane, another program.
 
     Sets: 17 positions of Curiosity, 9 positions and two drives of Perseverance. Prints RMS, bias, median error, correlation,
     share of values in the 80 % band and interval score. With -o it writes mars.html (one page), mars.png and mars.csv (all
