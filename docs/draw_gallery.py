@@ -16,7 +16,7 @@ import rockerbogie as rb
 from rockerbogie.figures.render import Camera, Mesh, hidden_by
 from rockerbogie.figures.scene import draw, grid_step, picture_height, stance_mesh
 from rockerbogie.figures.style import DPI, INK, LEFT, RIGHT, figure, look
-from rockerbogie.figures.terrain_mesh import ground_mesh
+from rockerbogie.figures.terrain_block import ground_mesh
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "examples"))
 from gallery import poses

@@ -10,9 +10,8 @@ import rockerbogie as rb
 from rockerbogie.figures.charts import run_map, run_profile, steepest_of, tilt_of, worst_of
 from rockerbogie.figures.closeup import pose_figure
 from rockerbogie.figures.render import Camera, Mesh, hidden_by, render
-from rockerbogie.figures.rover_mesh import rover_mesh
-from rockerbogie.figures.scene import grid_step
-from rockerbogie.figures.terrain_mesh import ground_mesh
+from rockerbogie.figures.scene import grid_step, rover_mesh
+from rockerbogie.figures.terrain_block import ground_mesh
 from support.helpers import assert_close, paper_rover
 
 RED, GREEN = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)

@@ -19,7 +19,7 @@ from ..terrain.heightfield import Terrain
 from .render import Camera, Mesh
 from .scene import Bounds, grid_step, picture_height, stance_mesh, sunlit, trail_mesh
 from .style import COLOURS, LEFT, RIGHT, figure, look
-from .terrain_mesh import ground_mesh, sample_ground
+from .terrain_block import ground_mesh, sample_ground
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -12,11 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..rotations import body_transform, wrap_angle
 from ..rover.model import Rover
+from ..scene.mesh import vertex_normals
+from ..scene.rover_mesh import LINKS, link_transforms, rover_parts
+from ..scene.terrain_mesh import block_base
 from ..terrain.heightfield import Terrain
 from .render import Camera, Mesh, render
-from .rover_mesh import rover_mesh
 from .style import INK, figure, look
-from .terrain_mesh import block_base, ground_mesh, sample_ground
+from .terrain_block import ground_mesh, sample_ground
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -26,6 +28,37 @@ Bounds = tuple[float, float, float, float]
 
 _SUN_HEIGHT = np.radians(48.0)
 _SUN_BESIDE = np.radians(42.0)  # greatest angle between the sun and the viewer's direction
+
+
+def rover_mesh(
+    rover: Rover,
+    T_world_body: ArrayLike,
+    rocker: float,
+    bogie: ArrayLike,
+    steering: ArrayLike | None = None,
+    wheel_turn: ArrayLike = 0.0,
+) -> Mesh:
+    """Return the rover in the world frame as triangles for the renderer.
+
+    Args:
+        rover: the rover.
+        T_world_body: (4, 4) pose of the body.
+        rocker: angle of the left rocker, rad.
+        bogie: (2,) angles of the bogies, rad.
+        steering: (6,) rad; None: 0.
+        wheel_turn: (6,) or one angle by which the wheels have turned, rad.
+
+    Returns:
+        The mesh, m.
+    """
+    frames = link_transforms(rover, T_world_body, rocker, bogie, steering, wheel_turn)
+    drawn = []
+    for part in rover_parts(rover):
+        T = frames[LINKS.index(part.link)]
+        corners = part.vertices @ T[:3, :3].T + T[:3, 3]
+        normals = vertex_normals(part.vertices, part.faces) @ T[:3, :3].T
+        drawn.append(Mesh.smooth(corners[part.faces], normals[part.faces], part.colour))
+    return Mesh.join(drawn)
 
 
 def stance_mesh(rover: Rover, record: xr.Dataset) -> Mesh:

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from ..figures.render import Camera, Mesh
 from ..figures.scene import Bounds, draw, grid_step, picture_height, rule_block, stance_mesh, trail_mesh
 from ..figures.style import COLOURS, LEFT, RIGHT, figure, look
-from ..figures.terrain_mesh import block_base, ground_mesh, sample_ground
+from ..figures.terrain_block import ground_mesh, sample_ground
 from ..rover.model import Rover
+from ..scene.terrain_mesh import block_base
 from ..terrain.heightfield import Terrain
 
 if TYPE_CHECKING:

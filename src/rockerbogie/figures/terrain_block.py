@@ -1,18 +1,14 @@
-"""Part of a terrain as triangles: its surface, and the sides of the block cut out."""
+"""Block of terrain for the renderer: its surface, and the sides of the block cut out."""
 
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.colors import to_rgb
-from numpy.typing import NDArray
 
+from ..arrays import Array
+from ..scene.terrain_mesh import CUT, SOIL, block_base
 from ..terrain.heightfield import Terrain
 from .render import Mesh
 
-Array = NDArray[np.float64]
-
-SOIL = np.array(to_rgb("#d9b48f"))
-_CUT = np.array(to_rgb("#b9a58e"))
 CELLS = 260  # along the longer side
 
 
@@ -63,19 +59,6 @@ def sample_ground(terrain: Terrain, bounds: tuple[float, float, float, float], c
     return x, y, terrain.height(*np.meshgrid(x, y))
 
 
-def block_base(z: Array) -> float:
-    """Return the height of the block's base, m: 15 % of the relief below the lowest point.
-
-    Args:
-        z: heights, m.
-
-    Returns:
-        The height of the base, m; at least 0.05 m below the lowest point.
-    """
-    low, high = float(np.nanmin(z)), float(np.nanmax(z))
-    return low - max(0.15 * (high - low), 0.05)
-
-
 def _normals(points: Array) -> Array:
     along_y, along_x = np.gradient(points, axis=(0, 1))
     normal = np.cross(along_x, along_y)
@@ -94,4 +77,4 @@ def _wall(edge: Array, floor: float) -> Mesh:
     below[:, 2] = floor
     strip = np.stack([edge[:-1], edge[1:], below[1:], below[:-1]], axis=1)
     strip = strip[np.isfinite(strip).all(axis=(1, 2))]
-    return Mesh.flat(np.concatenate([strip[:, [0, 1, 2]], strip[:, [0, 2, 3]]]), _CUT)
+    return Mesh.flat(np.concatenate([strip[:, [0, 1, 2]], strip[:, [0, 2, 3]]]), CUT)
