@@ -23,13 +23,13 @@ from ..errors import RockerbogieError, unknown_name
 from ..maps.files import check_place, write_map
 from ..maps.grid import cell_size
 from ..maps.layers import LAYERS, chosen_layers
-from ..maps.limits import Limits
+from ..maps.limits import UNITS, Limits
 from ..maps.preview import Tally, overview, tally
 from ..maps.store import check_store, discard_store
 from ..maps.style import write_style
 from ..maps.traversability import traversability
 from ..rover.formats import load_rover
-from .common import Force, Json, Linear, RoverName, guard_outputs, make_folder, print_json, progress
+from .common import Force, Json, Linear, RoverName, guard_outputs, make_folder, parse_gravity, print_json, progress
 from .rasters import Raster, RasterOptions, parse_bounds, raster_or_surface
 
 if TYPE_CHECKING:
@@ -53,6 +53,10 @@ def map_(
     rocker: Degrees = None,
     bogie: Degrees = None,
     clearance: float | None = None,
+    friction: float | None = None,
+    tip_margin: Degrees = None,
+    torque: float | None = None,
+    gravity: str = "earth",
     bounds: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None,
     mode: Literal["contact", "equilibrium"] = "contact",
     linear: Linear = None,
@@ -86,7 +90,7 @@ def map_(
         Side of a cell, m. Default: the terrain's own.
     limits
         Limits of a pose: curiosity (its flight limits), none, or a TOML file with tilt_deg, pitch_deg, roll_deg, rocker_deg,
-        bogie_deg, clearance_m. The options below override single limits.
+        bogie_deg, clearance_m, required_friction, tip_margin_deg, max_torque_n_m. The options below override single limits.
     tilt
         Greatest angle between the body's z axis and the vertical, degrees.
     pitch
@@ -99,6 +103,14 @@ def map_(
         Greatest bogie angle, up or down, degrees.
     clearance
         The body must be higher above the terrain than this, m.
+    friction
+        Friction coefficient of the terrain: poses that need more to be held exceed it. Adds layers of the required friction.
+    tip_margin
+        Least tip margin, degrees: the angle by which gravity must turn until the rover tips over. Adds its layers.
+    torque
+        Torque that each motor has, N·m. Adds layers of the largest motor torque.
+    gravity
+        earth, mars, moon, or a number in m/s²; for motor torques.
     bounds
         Only this part: xmin,ymin,xmax,ymax in the terrain's own metres.
     mode
@@ -108,7 +120,8 @@ def map_(
         Bilinear or smooth cubic terrain between the nodes. Default: cubic for files.
     layers
         Keep only these layers, comma-separated, beside passable and worst_exceeded. Default: all usual ones that the output can
-        hold; only on request: margin, worst_margin, slope, aspect, roughness.
+        hold; only on request: margin, worst_margin, slope, aspect, roughness, and without a limit of theirs required_friction,
+        tip_margin, max_torque, worst_friction, worst_tip_margin, worst_torque.
     per_heading
         Write every heading's layers into the GeoTIFF too, after the summaries.
     chunk
@@ -133,8 +146,8 @@ def map_(
     if parts is not None:
         check_store(parts)
     machine = load_rover(rover)
-    allowed = _limits(limits, tilt, pitch, roll, rocker, bogie, clearance)
-    chosen = _layers(layers, summaries_only=geotiff and not per_heading)
+    allowed = _limits(limits, tilt, pitch, roll, rocker, bogie, clearance, friction, tip_margin, torque)
+    chosen = _layers(layers, allowed, summaries_only=geotiff and not per_heading)
     ground = raster_or_surface(terrain, linear, raster)
     options = (raster or RasterOptions()).file_options
     make_folder(output.parent)
@@ -142,7 +155,7 @@ def map_(
     with _shown(parts) as (settling, writing):
         maps = traversability(
             machine, ground, headings, resolution, allowed, bounds=parse_bounds(bounds, "--bounds"), mode=mode,
-            layers=chosen, interpolation="linear" if linear else "cubic", chunk=chunk, **options,
+            gravity=parse_gravity(gravity), layers=chosen, interpolation="linear" if linear else "cubic", chunk=chunk, **options,
             store=parts, workers=workers, scheduler=scheduler, progress=settling,
         )  # fmt: skip
         seconds = time.perf_counter() - began
@@ -196,11 +209,12 @@ def _shown(parts: Path | None) -> Iterator[tuple[Callable[[int, int], None], Cal
             raise
 
 
-def _layers(text: str | None, *, summaries_only: bool) -> list[str] | None:
+def _layers(text: str | None, limits: Limits, *, summaries_only: bool) -> list[str] | None:
     """Return the layers to keep; None for all of them.
 
     Args:
         text: "tilt,clearance", or None.
+        limits: of the map.
         summaries_only: keep no layer of single headings, as the output does not hold them.
 
     Returns:
@@ -211,7 +225,7 @@ def _layers(text: str | None, *, summaries_only: bool) -> list[str] | None:
     """
     held = [name for name, layer in LAYERS.items() if not (summaries_only and layer.per_heading)]
     if text is None:
-        return [name for name in held if LAYERS[name].usual] if summaries_only else None
+        return [name for name in chosen_layers(None, limits.forces) if name in held] if summaries_only else None
     names = chosen_layers([part.strip() for part in text.split(",")])
     if missing := [name for name in names if name not in held]:
         raise RockerbogieError(
@@ -223,27 +237,27 @@ def _layers(text: str | None, *, summaries_only: bool) -> list[str] | None:
 def _limits(name: str, *single: float | None) -> Limits:
     """Return limits by name or from a TOML file; single ones (degrees, m) override them."""
     base = _from_toml(Path(name)) if name.endswith(".toml") else Limits.named(name)
-    names = ("tilt", "pitch", "roll", "rocker", "bogie", "clearance")
+    names = ("tilt", "pitch", "roll", "rocker", "bogie", "clearance", "required_friction", "tip_margin", "max_torque")
     given = {key: value for key, value in zip(names, single, strict=True) if value is not None}
-    return Limits(**(asdict(base) | {key: v if key == "clearance" else float(np.radians(v)) for key, v in given.items()}))
+    return Limits(**(asdict(base) | {key: v if key in UNITS else float(np.radians(v)) for key, v in given.items()}))
 
 
 def _from_toml(file: Path) -> Limits:
-    """Read limits from a TOML file in degrees and metres; missing keys mean no limit."""
+    """Read limits from a TOML file in degrees, metres and N m; missing keys mean no limit."""
     if not file.exists():
         raise RockerbogieError(f"no file of limits at {str(file)!r}")
     try:
         found = tomllib.loads(file.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise RockerbogieError(f"{str(file)!r} is not TOML: {error}") from None
-    known = {f"{field.name}_m" if field.name == "clearance" else f"{field.name}_deg": field.name for field in fields(Limits)}
+    known = {field.name + UNITS.get(field.name, ("deg", "_deg"))[1]: field.name for field in fields(Limits)}
     values = {}
     for key, value in found.items():
         if key not in known:
             raise RockerbogieError(f"{str(file)!r}: {unknown_name('limit', key, known)}")
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise RockerbogieError(f"{str(file)!r}: {key} is {value!r}; give a number")
-        values[known[key]] = float(value) if key.endswith("_m") else float(np.radians(value))
+        values[known[key]] = float(value) if known[key] in UNITS else float(np.radians(value))
     return Limits(**values)
 
 
@@ -294,7 +308,9 @@ def _print(maps: xr.Dataset, counts: Tally, seconds: float) -> None:
         table.add_row(label, f"{100 * shares[key]:.1f} %")
     beyond = {name: part for name, part in found["exceeded_at_some_heading"].items() if part}
     for name, part in sorted(beyond.items(), key=lambda item: -item[1]):
-        label = "not settled at some heading" if name == "unsettled" else f"{name} beyond its limit at some heading"
+        label = (
+            "not settled at some heading" if name == "unsettled" else f"{name.replace('_', ' ')} beyond its limit at some heading"
+        )
         table.add_row(label, f"{100 * part:.1f} %")
     console.print(table)
 

@@ -164,5 +164,11 @@ def _limits(attrs: dict[str, Any]) -> str:
     lines = [f"{name} up to {np.degrees(limits[name]):.3g}°" for name in _ANGLES if limits.get(name) is not None]
     if limits.get("clearance") is not None:
         lines.append(f"clearance above {limits['clearance']:g} m")
+    if limits.get("required_friction") is not None:
+        lines.append(f"required friction up to {limits['required_friction']:g}")
+    if limits.get("tip_margin") is not None:
+        lines.append(f"tip margin of {np.degrees(limits['tip_margin']):.3g}° or more")
+    if limits.get("max_torque") is not None:
+        lines.append(f"motor torque up to {limits['max_torque']:g} N·m")
     settled = "six wheels in contact" if attrs.get("mode", "contact") == "contact" else "in equilibrium"
     return "\n".join([f"Passable: {settled}", *lines])

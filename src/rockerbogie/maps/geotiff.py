@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 TILE = 256
 CACHE = 256 << 20  # bytes that GDAL may keep
 #: Unit of a layer -> factor on its values in a GeoTIFF, and ending of its band's name.
-BANDS = {"rad": (180 / np.pi, "_deg"), "m": (1.0, "_m"), "1": (1.0, "")}
+BANDS = {"rad": (180 / np.pi, "_deg"), "m": (1.0, "_m"), "N m": (1.0, "_n_m"), "1": (1.0, "")}
 RENAMED = {"passable": "passable_share"}
 #: First band of a GeoTIFF.
 FIRST = "passable"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..errors import RockerbogieError, unknown_name
 from ..settling.status import Status
-from .limits import BITS
+from .limits import BITS, FORCES, Limits
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,7 +35,7 @@ class Layer(NamedTuple):
     @property
     def blank(self) -> float:
         """Value where no tile has been written: 0 for integers, NaN for others."""
-        return 0 if self.kind == "uint8" else math.nan
+        return 0 if self.kind.startswith("uint") else math.nan
 
 
 LAYERS = {
@@ -49,6 +49,9 @@ LAYERS = {
     "clearance": Layer(True, "float64", "m", "least height of the body's box over the terrain"),
     "exceeded": Layer(True, "uint8", "1", "limits exceeded"),
     "margin": Layer(True, "float64", "rad", "angle left to the closest limit, negative beyond it", False),
+    "required_friction": Layer(True, "float64", "1", "least friction coefficient that holds the rover", False),
+    "tip_margin": Layer(True, "float64", "rad", "least angle by which gravity must turn until the rover tips over", False),
+    "max_torque": Layer(True, "float64", "N m", "largest motor torque of the six wheels", False),
     "passable": Layer(False, "float32", "1", "share of headings at which no limit is exceeded"),
     "worst_tilt": Layer(False, "float64", "rad", "greatest tilt over all headings"),
     "best_tilt": Layer(False, "float64", "rad", "least tilt over all headings"),
@@ -56,11 +59,17 @@ LAYERS = {
     "worst_clearance": Layer(False, "float64", "m", "least clearance over all headings"),
     "worst_exceeded": Layer(False, "uint8", "1", "limits exceeded at any heading"),
     "worst_margin": Layer(False, "float64", "rad", "least margin over all headings", False),
+    "worst_friction": Layer(False, "float64", "1", "greatest required friction over all headings", False),
+    "worst_tip_margin": Layer(False, "float64", "rad", "least tip margin over all headings", False),
+    "worst_torque": Layer(False, "float64", "N m", "largest motor torque over all headings", False),
     "slope": Layer(False, "float64", "rad", "slope of the terrain at the cell", False),
     "aspect": Layer(False, "float64", "rad", "direction in which the terrain falls, from +x, counter-clockwise", False),
     "roughness": Layer(False, "float64", "m", "RMS height of the terrain about its plane over a wheelbase", False),
 }
 
+
+#: Layer of forces -> its summary.
+WORST = {"required_friction": "worst_friction", "tip_margin": "worst_tip_margin", "max_torque": "worst_torque"}
 
 #: Layers of `reachability`.
 REACH = {
@@ -69,11 +78,26 @@ REACH = {
 }
 
 
-def chosen_layers(names: Iterable[str] | None) -> tuple[str, ...]:
+def kind_of(name: str, limits: Limits) -> str:
+    """Return NumPy's name of a layer's type.
+
+    Args:
+        name: of the layer.
+        limits: of the map; the bits of limits of forces need 16 bits.
+
+    Returns:
+        The name.
+    """
+    kind = LAYERS[name].kind
+    return "uint16" if name.endswith("exceeded") and limits.forces else kind
+
+
+def chosen_layers(names: Iterable[str] | None, bounded: Iterable[str] = ()) -> tuple[str, ...]:
     """Return layer names in the order of `LAYERS`.
 
     Args:
         names: layers, or None for the usual ones; "all" stands for all of them.
+        bounded: layers of forces that have a limit: they are usual then, and so are their summaries.
 
     Returns:
         The names, each once.
@@ -82,7 +106,8 @@ def chosen_layers(names: Iterable[str] | None) -> tuple[str, ...]:
         RockerbogieError: an unknown name, or no name.
     """
     if names is None:
-        return tuple(name for name, layer in LAYERS.items() if layer.usual)
+        more = {layer for name in bounded for layer in (name, WORST[name])}
+        return tuple(name for name, layer in LAYERS.items() if layer.usual or name in more)
     asked = [names] if isinstance(names, str) else list(names)
     if "all" in asked:
         return tuple(LAYERS)
@@ -94,12 +119,13 @@ def chosen_layers(names: Iterable[str] | None) -> tuple[str, ...]:
     return tuple(name for name in LAYERS if name in asked)
 
 
-def attributes(name: str, crs: str | None) -> dict[str, Any]:
+def attributes(name: str, crs: str | None, kind: str) -> dict[str, Any]:
     """Return the attributes of a layer by the CF conventions.
 
     Args:
         name: of the layer.
         crs: of the map, or None.
+        kind: NumPy's name of its type.
 
     Returns:
         Units, long name, flags, and the name of the grid mapping if there is a CRS.
@@ -110,8 +136,9 @@ def attributes(name: str, crs: str | None) -> dict[str, Any]:
         given["flag_values"] = np.array([int(code) for code in Status], dtype=np.uint8)
         given["flag_meanings"] = " ".join(code.name for code in Status)
     if name.endswith("exceeded"):
-        given["flag_masks"] = np.array(list(BITS.values()), dtype=np.uint8)
-        given["flag_meanings"] = " ".join(BITS)
+        bits = {limit: bit for limit, bit in BITS.items() if kind == "uint16" or limit not in FORCES}
+        given["flag_masks"] = np.array(list(bits.values()), dtype=kind)
+        given["flag_meanings"] = " ".join(bits)
     if crs:
         given["grid_mapping"] = "spatial_ref"
     return given
@@ -145,7 +172,7 @@ def dataset(
     }  # fmt: skip
     if crs:
         coords["spatial_ref"] = ((), np.int64(0), _grid_mapping(crs))
-    layers = {name: (LAYERS[name].dims, data[name], attributes(name, crs)) for name in data}
+    layers = {name: (LAYERS[name].dims, data[name], attributes(name, crs, str(data[name].dtype))) for name in data}
     return xr.Dataset(layers, coords, about)
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from .._kernels.jit.parallel import threads
 from ..errors import RockerbogieError, require
 from .cells import Tile
-from .layers import LAYERS
+from .layers import LAYERS, kind_of
 from .store import NUMERICS, Store
 from .tile import Job
 from .windows import TerrainWindows
@@ -53,7 +53,7 @@ class Memory:
         Returns:
             Layers with their blank values.
         """
-        return cls({name: np.full(job.shape(name, tile), LAYERS[name].blank, LAYERS[name].kind) for name in job.layers})
+        return cls({name: np.full(job.shape(name, tile), LAYERS[name].blank, kind_of(name, job.limits)) for name in job.layers})
 
     def take(self, name: str, region: tuple[slice, ...], values: NDArray[Any]) -> None:
         """Store a part of a layer.

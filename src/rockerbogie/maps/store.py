@@ -24,7 +24,7 @@ from .._version import __version__
 from ..errors import RockerbogieError, require
 from .cells import TILE, Tile
 from .ground import Ground
-from .layers import LAYERS, chosen_layers
+from .layers import LAYERS, chosen_layers, kind_of
 from .tile import HEADINGS, Job
 
 #: Version of the numbers in a map: raised by 1 with every change of kernels, splines, windows, limits or summaries that changes a
@@ -175,6 +175,7 @@ def made_from(job: Job, ground: Ground) -> dict[str, Any]:
         "cells": [list(job.cells.step), list(job.cells.first), list(job.cells.size)],
         "limits": json.loads(job.limits.to_json()),
         "mode": job.mode,
+        "gravity": job.gravity,
         "layers": list(job.layers),
         "rockerbogie": [__version__, NUMERICS],
     }
@@ -212,7 +213,7 @@ def _lay_out(path: Path, job: Job) -> None:
             name,
             shape=job.shape(name, job.cells.all),
             chunks=(*lead, TILE, TILE),
-            dtype=layer.kind,
+            dtype=kind_of(name, job.limits),
             fill_value=layer.blank,
             dimension_names=layer.dims,
             # angles hardly compress, and trying to takes more time than settling them

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,11 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..rover.model import Rover
+from ..settling.pose import GRAVITY
 from ..settling.settle import Mode, settle
 from ..settling.status import Status
+from ..statics.stability import force_values
 from ..terrain.heightfield import Terrain
 from .cells import Cells, Tile
-from .layers import LAYERS
+from .layers import LAYERS, WORST, kind_of
 from .limits import Limits, exceeded, margin
 
 Array = NDArray[np.float64]
@@ -42,6 +44,13 @@ class Job:
     limits: Limits
     mode: Mode
     layers: tuple[str, ...]
+    gravity: float = GRAVITY["earth"]  # m/s²
+
+    @property
+    def forces(self) -> tuple[str, ...]:
+        """Values of forces that the layers or limits need."""
+        asked = {*self.limits.forces, *(name for name in WORST if {name, WORST[name]} & set(self.layers))}
+        return tuple(name for name in WORST if name in asked)
 
     def shape(self, layer: str, tile: Tile) -> tuple[int, ...]:
         """Return the shape of a layer over a tile.
@@ -67,13 +76,13 @@ class Job:
             tick: called after every batch.
         """
         x, y = self.cells.x(tile.cols), self.cells.y(tile.rows)
-        summary = _Summary(tile.shape, len(self.headings))
+        summary = _Summary(tile.shape, len(self.headings), kind_of("worst_exceeded", self.limits))
         pace = _Pace()
         for start in range(0, len(self.headings), HEADINGS):
             part = slice(start, min(start + HEADINGS, len(self.headings)))
             yaw = self.headings[part]
             wanted = [name for name in self.layers if LAYERS[name].per_heading]
-            layers = {name: np.empty((len(yaw), *tile.shape), LAYERS[name].kind) for name in wanted}
+            layers = {name: np.empty((len(yaw), *tile.shape), kind_of(name, self.limits)) for name in wanted}
             for rows, cols in pace.blocks(tile.shape, len(yaw)):
                 done = self._batch(terrain, x[cols], y[rows], yaw, summary, (rows, cols))
                 for name in wanted:
@@ -90,17 +99,18 @@ class Job:
         self, terrain: Terrain, x: Array, y: Array, yaw: Array, summary: _Summary, at: tuple[slice, slice]
     ) -> dict[str, NDArray[Any]]:
         """Return the layers (headings, rows, cols) of one batch, and add them to the summary."""
-        pose = settle(self.rover, terrain, x, y[:, None], yaw[:, None, None], mode=self.mode)
+        pose = settle(self.rover, terrain, x, y[:, None], yaw[:, None, None], mode=self.mode, gravity=self.gravity)
         tilt = _plain(pose.tilt)
         look_below = self.limits.clearance is not None or not {"clearance", "worst_clearance"}.isdisjoint(self.layers)
         clearance = _plain(pose.clearance) if look_below else None
-        over = exceeded(pose, self.limits, tilt, clearance)
+        forces = {name: _plain(values) for name, values in force_values(pose, self.forces).items()}
+        over = exceeded(pose, self.limits, tilt, clearance, forces)
         room = margin(pose, self.limits, tilt) if not {"margin", "worst_margin"}.isdisjoint(self.layers) else None
-        summary.add(at, yaw, pose.status, tilt, clearance, over, room)
+        summary.add(at, yaw, pose.status, tilt, clearance, over, room, forces)
         layers: dict[str, NDArray[Any] | None] = {
             "status": pose.status, "tilt": tilt, "roll": pose.roll, "pitch": pose.pitch, "rocker": pose.rocker,
             "bogie_left": pose.bogie[..., 0], "bogie_right": pose.bogie[..., 1], "clearance": clearance, "exceeded": over,
-            "margin": room,
+            "margin": room, **forces,
         }  # fmt: skip
         return {name: values for name, values in layers.items() if values is not None}
 
@@ -166,7 +176,7 @@ class _Pace:
 class _Summary:
     """Layers of a tile over all headings, added one by one: batches do not change the result."""
 
-    def __init__(self, shape: tuple[int, int], headings: int) -> None:
+    def __init__(self, shape: tuple[int, int], headings: int, mask: str) -> None:
         self.headings = headings
         self.passed = np.zeros(shape, dtype=np.int64)
         self.known = np.zeros(shape, dtype=bool)
@@ -175,11 +185,12 @@ class _Summary:
             np.full(shape, np.nan) for _ in names
         )
         self.least = np.full(shape, np.inf)  # tilt of a passable heading
-        self.worst = np.zeros(shape, dtype=np.uint8)
+        self.worst = np.zeros(shape, dtype=mask)
+        self.forces = {name: np.full(shape, np.nan) for name in WORST}
 
     def add(
         self, at: tuple[slice, slice], yaw: Array, status: NDArray[np.uint8], tilt: Array, clearance: Array | None,
-        over: NDArray[np.uint8], room: Array | None,
+        over: NDArray[np.uint16], room: Array | None, forces: Mapping[str, Array],
     ) -> None:  # fmt: skip
         """Add headings (n,) of a block of cells; the layers are (n, rows, cols)."""
         best, least, worst = self.best_heading[at], self.least[at], self.worst[at]
@@ -193,10 +204,13 @@ class _Summary:
                 np.fmin(self.worst_clearance[at], clearance[k], out=self.worst_clearance[at])
             if room is not None:
                 np.fmin(self.worst_margin[at], room[k], out=self.worst_margin[at])
+            for name, values in forces.items():
+                worst_of = np.fmin if name == "tip_margin" else np.fmax
+                worst_of(self.forces[name][at], values[k], out=self.forces[name][at])
             better = passes & (tilt[k] < least)
             np.copyto(least, tilt[k], where=better)
             np.copyto(best, yaw[k], where=better)
-            np.bitwise_or(worst, over[k], out=worst)
+            np.bitwise_or(worst, over[k].astype(worst.dtype), out=worst)
 
     def layers(self) -> dict[str, NDArray[Any]]:
         """Return the summaries by name."""
@@ -210,6 +224,7 @@ class _Summary:
             "worst_clearance": _plain(self.worst_clearance),
             "worst_exceeded": self.worst,
             "worst_margin": _plain(self.worst_margin),
+            **{WORST[name]: _plain(values) for name, values in self.forces.items()},
         }
 
 

@@ -15,13 +15,14 @@ from numpy.typing import ArrayLike, NDArray
 from .._version import __version__
 from ..errors import RockerbogieError, expect
 from ..rover.model import LOAD_ROVER, Rover
+from ..settling.pose import GRAVITY, checked_gravity
 from ..settling.settle import Mode
 from ..terrain.heightfield import Terrain
 from ..terrain.raster import locate
 from ..terrain.window import Interpolation
 from .cells import TILE, Tile, cells_over
 from .ground import Ground, hold_ground, open_ground, reach
-from .layers import LAYERS, chosen_layers, dataset
+from .layers import chosen_layers, dataset, kind_of
 from .limits import Limits
 from .run import Memory, Progress, in_threads, on_cluster
 from .store import made_from, open_store, read
@@ -44,6 +45,7 @@ def traversability(
     *,
     bounds: tuple[float, float, float, float] | None = None,
     mode: Mode = "contact",
+    gravity: float = GRAVITY["earth"],
     layers: Iterable[str] | None = None,
     band: int = 1,
     cell: float | None = None,
@@ -64,8 +66,10 @@ def traversability(
         limits: a `Limits`, or the name of one. None: Curiosity's flight limits.
         bounds: (xmin, ymin, xmax, ymax) m: only cells whose centres lie within.
         mode: as `settle`.
-        layers: names of the layers to make; None: the usual ones. Clearance takes half of the time, and is computed only for its
-            layers or limit.
+        gravity: m/s² (`GRAVITY`); scales `max_torque` and its limit only.
+        layers: names of the layers to make; None: the usual ones, and those of the forces that have limits. Clearance takes half
+            of the time, and is computed only for its layers or limit; so are the forces (`required_friction`, `tip_margin`,
+            `max_torque`).
         band: of the raster, as `Terrain.from_raster`.
         cell: of the raster, as `Terrain.from_raster`.
         interpolation: of the raster, as `Terrain.from_raster`.
@@ -87,16 +91,17 @@ def traversability(
     expect(rover, Rover, "rover", LOAD_ROVER)
     if mode not in ("contact", "equilibrium"):
         raise RockerbogieError(f"mode {mode!r} is not known; give 'contact' or 'equilibrium'")
-    angles, allowed, names = _headings(headings), _limits(limits), chosen_layers(layers)
+    angles, allowed, field = _headings(headings), _limits(limits), checked_gravity(gravity)
+    names = chosen_layers(layers, allowed.forces)
     if not (isinstance(chunk, (int, np.integer)) and chunk > 0 and chunk % TILE == 0):
         raise RockerbogieError(f"chunk is {chunk!r}: give a multiple of {TILE} cells")
     if workers is not None and not (isinstance(workers, (int, np.integer)) and workers >= 1):
         raise RockerbogieError(f"workers is {workers!r}: give the number of processes, 1 or more")
     ground = _ground(terrain, band, interpolation, cell)
     cells = cells_over(ground.whole, resolution, bounds)
-    job = Job(rover, cells, angles, allowed, mode, names)
+    job = Job(rover, cells, angles, allowed, mode, names, field)
     windows = TerrainWindows(ground, cells, reach(rover))
-    size = sum(math.prod(job.shape(name, cells.all)) * np.dtype(LAYERS[name].kind).itemsize for name in names)
+    size = sum(math.prod(job.shape(name, cells.all)) * np.dtype(kind_of(name, allowed)).itemsize for name in names)
     if store is None and size > IN_MEMORY:
         raise RockerbogieError(
             f"the map would be {size / 1e9:.3g} GB: give store='a folder' for it, or fewer layers or headings, "
@@ -210,6 +215,7 @@ def _about(job: Job, ground: Ground) -> dict[str, Any]:
         "interpolation": ground.whole.interpolation,
         "mode": job.mode,
         "limits": job.limits.to_json(),
+        "gravity": job.gravity,
         "resolution": dx if dx == dy else [dx, dy],
         "rockerbogie_version": __version__,
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -92,6 +93,25 @@ def stability(pose: Pose, *, gravity: float | None = None, friction: float = GRI
         energy=(weight * energy).reshape(shape),
         wheel_names=pose.rover.wheel_names,
     )
+
+
+def force_values(pose: Pose, names: Collection[str]) -> dict[str, Array]:
+    """Compute required friction, largest motor torque and tip margin, those that are named.
+
+    Args:
+        pose: settled poses (...).
+        names: some of "required_friction", "max_torque" and "tip_margin".
+
+    Returns:
+        Arrays (...) by name: friction and torque (N m) under the law of least friction, the margin in rad.
+    """
+    values = {}
+    if "required_friction" in names or "max_torque" in names:
+        loads = wheel_loads(pose)
+        values = {"required_friction": loads.required_friction, "max_torque": np.abs(loads.torque).max(axis=-1)}
+    if "tip_margin" in names:
+        values["tip_margin"] = stability(pose).tip_margin
+    return {name: values[name] for name in names}
 
 
 def load_values(pose: Pose) -> dict[str, NDArray[np.generic]]:
