@@ -29,8 +29,9 @@ FORCES = ("required_friction", "tip_margin", "max_torque")
 class Limits:
     """Limits of a pose: angles in rad, clearance in m, torque in N m; None: no limit.
 
-    Limits of angles are symmetric about 0. A pose must keep its clearance above the limit, its tip margin at or above it, and all other values within theirs.
-    `required_friction` is the friction coefficient that the terrain has, `max_torque` the torque that each motor has.
+    Limits of angles are symmetric about 0. A pose must keep its clearance above the limit, its tip margin at or above it, and
+    all other values within theirs. `required_friction` is the friction coefficient that the terrain has, `max_torque` the
+    torque that each motor has.
     Independently of these limits, a joint at or beyond its joint limit counts as exceeded, and so does a position at which the
     rover cannot be settled. Forces that cannot be computed exceed their limits.
     """
