@@ -149,13 +149,14 @@ class Rig:
         """Return the contact normal of each wheel, from the terrain into the wheel.
 
         Returns:
-            (6, 3) unit vectors; the mean weighted by force if a wheel has several contacts, (0, 0, 1) if it has none.
+            (6, 3) unit vectors; the mean weighted by force if a wheel has several contacts; (0, 0, 1) if it has none or
+            their forces cancel.
         """
         push = self._push()[:, :6]
         normal = np.reshape(self.data.contact.frame, (-1, 9))[:, :3]
         mean = push.T @ (normal * np.sign(normal[:, 2:]))
-        mean[push.sum(axis=0) == 0] = 0.0, 0.0, 1.0
-        return np.asarray(mean / np.linalg.norm(mean, axis=1, keepdims=True))
+        size = np.linalg.norm(mean, axis=1, keepdims=True)
+        return np.where(size > 0.0, mean / np.where(size > 0.0, size, 1.0), [0.0, 0.0, 1.0])
 
     def _push(self) -> Array:
         """Return the normal force of each contact on the six wheels and the body's box.
