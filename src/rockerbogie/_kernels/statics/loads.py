@@ -12,8 +12,9 @@ from ..model.ground import META_X, META_Y, META_Z, Ground
 from ..model.linkage import P_BOX, PITCH, ROLL, Z, body_axes
 from ..search.body_box import N_GAP, N_GX, N_GY, N_X, N_Y, N_Z, NEAR_SIZE, box_over_ground
 from .balance import EQUATIONS, axle_torque
+from .friction_path import HELD, UNHELD
 from .laws import equal_slip, equal_torque, frictionless_sides, parallel_forces
-from .least_friction import HELD, UNHELD, least_friction, lower_bound
+from .least_friction import least_friction, lower_bound
 from .mechanism import BELLY, EXTRA, ON_BELLY, assemble, gravity_column, new_mechanism
 from .tipping import force_angle, hold_margin
 

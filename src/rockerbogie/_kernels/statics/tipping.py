@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from ..jit.decorators import njit
 from .balance import EQUATIONS
-from .least_friction import contact_velocities, factor, solve_factored
+from .cones import contact_velocities
+from .least_norm import factor, solve_factored
 from .mechanism import EXTRA, Mechanism
 
 Array = NDArray[np.float64]
