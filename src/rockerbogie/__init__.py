@@ -92,6 +92,15 @@ if TYPE_CHECKING:
     from .simulation.compare import settle_along as settle_along
     from .simulation.mjcf import to_mjcf as to_mjcf
     from .simulation.simulate import simulate as simulate
+    from .soil.forces import ForceStatus as ForceStatus
+    from .soil.forces import WheelForces as WheelForces
+    from .soil.forces import wheel_soil_forces as wheel_soil_forces
+    from .soil.laws import Coulomb as Coulomb
+    from .soil.laws import Grousers as Grousers
+    from .soil.laws import SlipCurve as SlipCurve
+    from .soil.laws import Soil as Soil
+    from .soil.load import load_soil as load_soil
+    from .soil.load import soils as soils
     from .statics import obstacles as obstacles
     from .statics.climb import Climb as Climb
     from .statics.climb import climb as climb
@@ -140,6 +149,15 @@ _EXPORTS = {
     "verify": "settling.verification",
     "Verification": "settling.verification",
     "GRAVITY": "settling.pose",
+    "soils": "soil.load",
+    "load_soil": "soil.load",
+    "Soil": "soil.laws",
+    "wheel_soil_forces": "soil.forces",
+    "WheelForces": "soil.forces",
+    "ForceStatus": "soil.forces",
+    "Grousers": "soil.laws",
+    "Coulomb": "soil.laws",
+    "SlipCurve": "soil.laws",
     "LoadStatus": "statics.loads",
     "Stability": "statics.stability",
     "stability": "statics.stability",

@@ -17,7 +17,7 @@ from .errors import RockerbogieError
 TOO_STEEP = 1.3
 
 #: Number of steps of `_steps`.
-STEPS = 21
+STEPS = 24
 
 
 class Compiled(NamedTuple):
@@ -68,6 +68,9 @@ def _steps() -> Iterator[Callable[[], object]]:
     from .rover.formats import load_rover
     from .settling.settle import settle
     from .settling.verification import verify
+    from .soil.forces import wheel_soil_forces
+    from .soil.load import load_soil
+    from .soil.table import tabulate
     from .statics.loads import wheel_loads
     from .statics.stability import stability
     from .terrain import surfaces
@@ -93,5 +96,10 @@ def _steps() -> Iterator[Callable[[], object]]:
         yield partial(verify, pose)
     yield partial(wheel_jacobians, rover, pose)
     yield partial(stability, pose)
+    soil = load_soil("lunar-lrv-b")
+    yield partial(wheel_soil_forces, soil, 0.25, 0.4, 500.0, 0.1)
+    table = tabulate(soil, 0.25, 0.4, (100.0, 500.0), size=(6, 7, 6))
+    yield partial(table.forces, 300.0, 0.1)
+    yield partial(table.motion_forces, 300.0, 1.0, 0.9, 0.0)
     triangle = Mesh.flat(np.eye(3)[None], (1.0, 1.0, 1.0))
     yield partial(render, triangle, Camera.framing(triangle.corners, 0.5, 0.5, (8, 8)), sun=(0.5, 0.8))

@@ -1,0 +1,1 @@
+"""Wheel-soil forces: soils, laws, tables, fits to wheel trials (docs/soil.md)."""
