@@ -103,8 +103,8 @@ def shear_stress(law: Array, normal: float, jx: float, jy: float, kx: float, ky:
         scale = -strength * math.expm1(-j / kx) / j
         return scale * jx, scale * jy
     return (
-        -math.copysign(strength * math.expm1(-abs(jx) / kx), jx),
-        -math.copysign(strength * math.expm1(-abs(jy) / ky), jy),
+        math.copysign(strength * math.expm1(-abs(jx) / kx), jx),
+        math.copysign(strength * math.expm1(-abs(jy) / ky), jy),
     )
 
 
@@ -154,7 +154,7 @@ def stress_forces(law: Array, sinkage: float, slip: float, angle: float, along: 
     reach = radius * abs(across) * (entry - leave)
     k_wall = kx if law[L_ISOTROPIC] != 0.0 else ky
     out[0] = width * fx
-    out[1] = width * fy + math.copysign(wall * math.expm1(-reach / k_wall), across)
+    out[1] = width * fy - math.copysign(wall * math.expm1(-reach / k_wall), across)
     out[2] = width * shear_radius * torque
     out[3] = width * fz
 
