@@ -57,7 +57,7 @@ def motions() -> list[tuple[float, float, float]]:
 
 
 def test_wmrde_function_is_reproduced() -> None:
-    """wmrde takes slip (rω − vx) / rω and the side displacement (1 − |s|) tan β on both sides of rolling."""
+    """Compare with wmrde's slip (rω − vx) / rω and side displacement (1 − |s|) tan β."""
     law = wmrde_law()
     for h, s, b in motions():
         u, w = 1 - s, (1 - abs(s)) * np.tan(b)
@@ -89,7 +89,8 @@ def test_wmrde_trapezoidal_sums_are_those_of_the_kernel_stresses() -> None:
 @pytest.mark.parametrize("slip", [-0.95, -0.5, -0.05, 0.0, 0.2, 0.9])
 def test_load_balance_agrees_with_the_reference(slip: float, angle: float) -> None:
     """Forces at a given load, with Ishigami's own moduli and the bulldozing force."""
-    p = Parameters(0.09, 0.11, 800.0, np.radians(37.2), np.radians(26.4), 1.37e3 / 0.11 + 8.14e5, 1.0, 0.4, 0.15, 1.0, 1600 * 9.80665,
+    p = Parameters(
+        0.09, 0.11, 800.0, np.radians(37.2), np.radians(26.4), 1.37e3 / 0.11 + 8.14e5, 1.0, 0.4, 0.15, 1.0, 1600 * 9.80665,
                    0.043 * abs(angle) + 0.036, 0.020 * abs(angle) + 0.013, False)  # fmt: skip
     rim, vx = 1.0 + min(slip, 0.0), 1.0 - max(slip, 0.0)
     u, w = vx / rim, vx * np.tan(angle) / rim

@@ -1,4 +1,4 @@
-"""Independent reference of wheel-soil forces, from the published equations with scipy's quadrature.
+"""Independent reference of wheel-soil forces: published equations, scipy's quadrature.
 
 Ishigami, Miwa, Nagatani & Yoshida 2007, J. Field Robotics 24(3), doi.org/10.1002/rob.20187: normal stress (Wong and Reece
 1967), shear stress (Janosi and Hanamoto 1961), shear displacements, bulldozing of the side wall (Hegedus).
@@ -81,7 +81,7 @@ class Stresses:
         return d1 * (p.c * depth + d2 * p.weight / 2 * depth**2) * (p.r - depth * np.cos(t))
 
     def integrands(self) -> list[Callable[[float], float]]:
-        """Return the integrands of drawbar, side force (without the wall), torque and vertical force."""
+        """Return the integrands of drawbar, side force without the wall, torque, vertical force."""
         r, b = self.p.r, self.p.b
         return [
             lambda t: r * b * (self.tau(t)[0] * np.cos(t) - self.sigma(t) * np.sin(t)),
@@ -91,7 +91,7 @@ class Stresses:
         ]
 
     def integrate(self, f: Callable[[float], float]) -> float:
-        """Return the integral over the contact, split at the peak and where the shear displacement changes its sign."""
+        """Return the integral over the contact, split at the peak and where jx changes its sign."""
         grid = np.linspace(self.tr, self.tf, 4001)[:-1]
         jx = self.tf - grid - self.u * (np.sin(self.tf) - np.sin(grid))
         cuts = [float(grid[i]) for i in np.nonzero(np.diff(np.sign(jx)))[0]]
@@ -122,7 +122,7 @@ def forces(p: Parameters, h: float, s: float, u: float, w: float, bulldozing: fl
 
 
 def trapezoid_forces(p: Parameters, h: float, s: float, u: float, w: float, nodes: int = 61) -> np.ndarray:
-    """Return the same with the trapezoidal rule on equal steps over the whole contact, as wmrde has it."""
+    """Return the same with wmrde's trapezoidal rule on equal steps over the contact."""
     stresses = Stresses(p, h, s, u, w)
     t = np.linspace(stresses.tr, stresses.tf, nodes)
     return np.array([np.trapezoid([f(x) for x in t], t) for f in stresses.integrands()])
