@@ -68,11 +68,13 @@ if TYPE_CHECKING:
     from .rover.differential import DifferentialBar as DifferentialBar
     from .rover.formats import Import as Import
     from .rover.formats import ImportResult as ImportResult
+    from .rover.formats import differential_system as differential_system
     from .rover.formats import import_rover as import_rover
     from .rover.formats import load_rover as load_rover
     from .rover.formats import to_sdf as to_sdf
     from .rover.formats import to_toml as to_toml
     from .rover.formats import to_urdf as to_urdf
+    from .rover.formats import to_usd as to_usd
     from .rover.frames import DHRow as DHRow
     from .rover.frames import contact_frames as contact_frames
     from .rover.frames import dh_table as dh_table
@@ -133,6 +135,8 @@ _EXPORTS = {
     "to_toml": "rover.formats",
     "to_urdf": "rover.formats",
     "to_sdf": "rover.formats",
+    "to_usd": "rover.formats",
+    "differential_system": "rover.formats",
     "wheel_frames": "rover.frames",
     "contact_frames": "rover.frames",
     "body_transform": "rotations",

@@ -25,7 +25,7 @@ _TABLES = (
     "case,channel,logged [deg],",
 )
 #: Files that users edit after they were written: they are not replaced without `force`.
-_EDITED = frozenset({".toml", ".urdf", ".sdf", ".xml", ".obj", ".md"})
+_EDITED = frozenset({".toml", ".urdf", ".sdf", ".xml", ".obj", ".md", ".py", ".usd", ".usda"})
 #: Files beside a raster that GDAL reads along with it, by the ending they add to its name.
 _SIDECARS = (".aux.xml", ".ovr", ".msk")
 #: Entries that GDAL copies from the raster into an .aux.xml, along with statistics.

@@ -150,7 +150,35 @@ def test_exports_ros2_control(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert joints["wheel_LM_joint"] == ["velocity"]
     assert joints["rocker_right_joint"] == []
     assert len(joints) == 4 + 4 + 6
+    assert "bullet-featherstone" in capsys.readouterr().err, "programs that do not hold the differential"
     assert "applies to a URDF" in refused(capsys, "export", "curiosity", "-o", str(tmp_path / "x.sdf"), "--ros2-control")
+
+
+def test_exports_the_differential_as_a_system(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file, system = tmp_path / "rover.sdf", tmp_path / "rockerbogie_differential.py"
+    assert main(["export", "osr", "-o", str(file), "--differential", "system"]) == 0
+    captured = capsys.readouterr()
+    assert captured.out.splitlines() == [str(file), str(system)]
+    assert "GZ_SIM_SYSTEM_PLUGIN_PATH" in captured.err
+    assert system.read_text() == rb.differential_system()[1]
+    assert ElementTree.parse(file).find(".//mimic") is None
+    file.unlink()
+    system.write_text("# edited")
+    assert "exists" in refused(capsys, "export", "osr", "-o", str(file), "--differential", "system")
+    assert system.read_text() == "# edited"
+    assert not file.exists()
+    assert "applies to an SDF" in refused(capsys, "export", "osr", "-o", str(tmp_path / "x.urdf"), "--differential", "system")
+
+
+def test_exports_usd(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("pxr", reason="usd-core is not installed")
+    from pxr import Usd
+
+    for name, more in (("a.usda", []), ("b.usd", []), ("c.txt", ["--format", "usd"])):
+        assert main(["export", "osr", "-o", str(tmp_path / name), *more]) == 0
+    assert Usd.Stage.Open(str(tmp_path / "b.usd")).GetDefaultPrim().GetName() == "osr"
+    capsys.readouterr()
+    assert "exists" in refused(capsys, "export", "osr", "-o", str(tmp_path / "a.usda"))
 
 
 def test_exports_a_world(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -175,6 +203,8 @@ def test_exports_a_world(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     sides = corners[faces]
     assert (np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])[:, 2] > 0).all(), "seen from above"
     assert main(["export", "sawppy", "--to", "world", "-o", str(tmp_path / "w"), "-t", "surface:paper"]) == 0
+    assert "GZ_SIM_SYSTEM_PLUGIN_PATH" in capsys.readouterr().err
+    assert (tmp_path / "w" / "rockerbogie_differential.py").read_text() == rb.differential_system()[1]
     assert "needs terrain" in refused(capsys, "export", "sawppy", "--to", "world", "-o", str(tmp_path / "w"))
 
 

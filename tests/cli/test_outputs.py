@@ -104,7 +104,10 @@ WRITERS: dict[str, tuple[list[str], list[str]]] = {
     "rovers new": (["rovers", "new", "out/n.toml"], ["n.toml"]),
     "rovers import": (["rovers", "import", "robot.urdf", "-o", "out/i.toml"], ["i.toml"]),
     "export": (["export", "osr", "-o", "out/e.urdf"], ["e.urdf"]),
-    "export world": (["export", "osr", "--to", "world", "-t", "dem.tif", "-o", "out"], ["world.sdf", "ground.obj"]),
+    "export world": (
+        ["export", "osr", "--to", "world", "-t", "dem.tif", "-o", "out"],
+        ["world.sdf", "ground.obj", "rockerbogie_differential.py"],
+    ),
     "bench": (["bench", "--save", "out/b.json"], ["b.json"]),
 }  # fmt: skip
 #: Files that people edit: these commands replace their own only with --force.

@@ -37,6 +37,40 @@ def right_limits(rover: Rover) -> Array:
     return np.sort(ends)
 
 
+def differential_inertia(rover: Rover) -> float:
+    """Return the inertia that resists an error of the differential, at joint angles 0.
+
+    That is 1 / (J M⁻¹ Jᵀ), with the mass matrix M of all joints and of the free body, and J the derivative of right − p(left).
+
+    Args:
+        rover: the rover.
+
+    Returns:
+        kg m².
+    """
+    tree = tree_of(rover)
+    rest, joints = tree.rest(), list(tree.joints.values())
+    above = {joint.child: joint for joint in joints}
+    M = np.zeros((6 + len(joints), 6 + len(joints)))
+    for part in tree.parts.values():
+        com = rest[part.name][:3, 3] + part.com
+        turn, move = np.zeros((3, len(M))), np.zeros((3, len(M)))
+        move[:, :3], turn[:, 3:6] = np.eye(3), np.eye(3)
+        move[:, 3:6] = np.cross(np.eye(3), com).T
+        link = part.name
+        while link in above:
+            joint = above[link]
+            at = 6 + joints.index(joint)
+            turn[:, at] = joint.axis
+            move[:, at] = np.cross(turn[:, at], com - rest[link][:3, 3])
+            link = joint.parent
+        M += part.mass * move.T @ move + turn.T @ part.inertia @ turn
+    J = np.zeros(len(M))
+    for k, joint in enumerate(joints):
+        J[6 + k] = {"rocker_left": -rover.differential[1], "rocker_right": 1.0}.get(joint.child, 0.0)
+    return float(1.0 / (J @ np.linalg.solve(M, J)))
+
+
 def tree_of(rover: Rover) -> Tree:
     """Return the rover as a tree of links and joints.
 

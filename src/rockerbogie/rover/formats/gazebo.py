@@ -1,4 +1,4 @@
-"""Gazebo world: the terrain as a mesh, a sun, and the rover."""
+"""Gazebo world: the terrain as a mesh, a sun, the rover and the system of its differential."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from ...arrays import Array
 from ...errors import RoverError
 from ..model import Rover
-from .sdf_write import VERSION, model_element
+from .sdf_write import NAMESPACES, VERSION, differential_system, model_element
 
 #: Gazebo's collision engine is slow with more triangles: a finer terrain is thinned to every second, third, ... node.
 MOST_TRIANGLES = 250_000
 #: Names of the files that `write_world` writes.
-WORLD_FILES = ("world.sdf", "ground.obj")
+WORLD_FILES = ("world.sdf", "ground.obj", differential_system()[0])
 
 
 def write_world(
@@ -27,7 +27,9 @@ def write_world(
     z: Array,
     pose: tuple[float, ...],
 ) -> list[Path]:
-    """Write `world.sdf` and `ground.obj` into a folder; load with `gz sim world.sdf` from there.
+    """Write `world.sdf`, `ground.obj` and the system of the differential into a folder.
+
+    Load it there with `GZ_SIM_SYSTEM_PLUGIN_PATH=. gz sim world.sdf` (gz sim 8 or newer).
 
     Args:
         folder: an existing folder.
@@ -51,7 +53,7 @@ def write_world(
     x, y = (origin[k] + step * spacing[k] * np.arange(z.shape[1 - k], dtype=np.float64) for k in (0, 1))
     ground = folder / "ground.obj"
     ground.write_text(_obj(x, y, z, cells), encoding="ascii")
-    sdf = Element("sdf", {"version": VERSION, "xmlns:rockerbogie": "urn:rockerbogie"})
+    sdf = Element("sdf", {"version": VERSION} | NAMESPACES)
     world = SubElement(sdf, "world", name=f"{rover.name}_world")
     sun = SubElement(world, "light", name="sun", type="directional")
     for tag, text in (
@@ -68,7 +70,7 @@ def write_world(
         element = SubElement(link, use, name=f"ground_{use}")
         mesh = SubElement(SubElement(element, "geometry"), "mesh")
         SubElement(mesh, "uri").text = ground.name
-    machine = model_element(rover)
+    machine = model_element(rover, "system")
     placed = Element("pose")
     placed.text = " ".join(repr(float(v)) for v in pose)
     machine.insert(0, placed)
@@ -76,7 +78,9 @@ def write_world(
     indent(sdf)
     path = folder / "world.sdf"
     path.write_text('<?xml version="1.0"?>\n' + tostring(sdf, encoding="unicode") + "\n", encoding="utf-8")
-    return [path, ground]
+    name, source = differential_system()
+    (folder / name).write_text(source, encoding="utf-8")
+    return [path, ground, folder / name]
 
 
 def _obj(x: Array, y: Array, z: Array, cells: NDArray[np.int64]) -> str:

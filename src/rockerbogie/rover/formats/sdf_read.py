@@ -15,7 +15,7 @@ from ...arrays import Array
 from ...errors import RoverError
 from .meshes import MeshFolder
 from .safe_xml import numbers, parse_xml
-from .sdf_write import EXTENSION
+from .sdf_write import EXTENSION, SYSTEM
 from .tree import Joint, Part, Shape, Tree, connected, from_rpy, inverse, place
 
 #: Frames may be placed relative to one another so many deep.
@@ -132,6 +132,10 @@ class _Model:
         if extra is not None:
             words = (extra.text or "").split()
             tree.differential = np.array(numbers(extra.text, len(words), f"{self.what}: {EXTENSION}"))
+        for plugin in self.model.findall("plugin"):
+            left, right = (plugin.findtext(side) or "" for side in ("left", "right"))
+            if plugin.findtext("module_name") == SYSTEM and {left, right} <= tree.joints.keys():
+                tree.joints[right].mimic = (left, (0.0, -1.0))  # the polynomial itself is in `EXTENSION`
         tree.unread = [f"{address}: {reason}" for address, reason in self.meshes.failed.items()]
         return connected(tree, self.what, loops=True)
 

@@ -22,7 +22,8 @@ BODY_LINK, BODY_JOINT = "body", "body_joint"
 def to_urdf(rover: Rover, *, ros2_control: bool = False) -> str:
     """Return the rover as URDF.
 
-    It has masses, collision cylinders, limits, and the differential as a `mimic` joint.
+    It has masses, collision cylinders, limits, and the differential as a `mimic` joint, which Drake holds and many engines do
+    not (docs/formats.md).
 
     The root `base_link` has no mass; the body's mass and box are on the link `body`, fixed to it. A differential that is not
     a plain ratio is written as its slope at rest, and in full in `<rockerbogie differential="...">`, which other readers ignore.
