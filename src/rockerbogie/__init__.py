@@ -81,6 +81,9 @@ if TYPE_CHECKING:
     from .rover.frames import wheel_frames as wheel_frames
     from .rover.model import Link as Link
     from .rover.model import Rover as Rover
+    from .scene.show import View as View
+    from .scene.show import show as show
+    from .scene.show import to_html as to_html
     from .settling.pose import GRAVITY as GRAVITY
     from .settling.pose import Contacts as Contacts
     from .settling.pose import Pose as Pose
@@ -222,6 +225,9 @@ _EXPORTS = {
     "Route": "motion.path_files",
     "Plan": "motion.path_files",
     "read_route": "motion.path_files",
+    "show": "scene.show",
+    "to_html": "scene.show",
+    "View": "scene.show",
     "compile_kernels": "compilation",
     "Compiled": "compilation",
 }

@@ -41,6 +41,7 @@ from .common import (
     progress,
     save_netcdf,
 )
+from .pictures import Film, Html, checked_film, checked_page, write_page
 from .rasters import Raster, load_terrain
 from .run_summary import MOTORS, print_summary, summarise, tracking, why_short
 
@@ -72,7 +73,8 @@ def drive(
     loads: Annotated[bool, Parameter(name="--loads", negative="")] = False,
     gravity: str = "earth",
     mcap: Annotated[bool, Parameter(name="--mcap", negative="")] = False,
-    film: FilePath | None = None,
+    film: Film = None,
+    html: Html = None,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -114,13 +116,15 @@ def drive(
         Also write run.mcap into the folder of -o: ROS 2 messages for Foxglove and `ros2 bag`. Needs the ros extra.
     film
         Write a film of the drive: .gif, or .mp4 (needs the film extra).
+    html
+        Write a page (.html) that replays the drive offline in any browser, with plots.
     force
         Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
         Print the summary as JSON (SI units, radians) instead of the table.
     """
     written = in_folder(output, *_files("run"), *(("run.mcap",) if mcap else ()), *((LOADS_CHART,) if loads else ()))
-    written += _checked_film(film)
+    written += checked_film(film) + checked_page(html)
     if mcap:
         if output is None:
             raise RockerbogieError("--mcap writes run.mcap into a folder: give one with -o")
@@ -148,7 +152,7 @@ def drive(
 
             write_mcap(machine, run, output / "run.mcap", force=force)
             files.append(output / "run.mcap")
-        files += _write_film(machine, ground, run, film, bar, task)
+        files += _write_film(machine, ground, run, film, bar, task) + write_page(run, html, force)
     summary = summarise(run)
     if json:
         print_json(summary | {"files": files})
@@ -170,7 +174,8 @@ def simulate(
     linear: Linear = None,
     raster: Raster = None,
     output: Folder = None,
-    film: FilePath | None = None,
+    film: Film = None,
+    html: Html = None,
     force: Force = False,
     json: Json = False,
 ) -> int:
@@ -204,12 +209,14 @@ def simulate(
         Folder for pictures and data.
     film
         Write a film of the simulated drive: .gif, or .mp4 (needs the film extra).
+    html
+        Write a page (.html) that replays the simulated drive offline in any browser, with plots.
     force
         Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
         Print the comparison as JSON (SI units, radians) instead of the table.
     """
-    written = in_folder(output, *_files("simulation"), "attitude.png", "joints.png") + _checked_film(film)
+    written = in_folder(output, *_files("simulation"), "attitude.png", "joints.png") + checked_film(film) + checked_page(html)
     guard_outputs(written, terrain, rover, path, force=force)
     machine = load_rover(rover)
     ground = load_terrain(terrain, linear, raster)
@@ -234,6 +241,7 @@ def simulate(
     if film is not None:
         with progress() as bar:
             files += _write_film(machine, ground, sim, film, bar, bar.add_task("filming", total=None))
+    files += write_page(sim, html, force)
     short = float(sim.attrs["short_of_end"])
     motors = {name: float(sim.attrs[name]) for name in MOTORS}
     summary = summarise(sim) | {"short_of_end": short} | motors
@@ -308,16 +316,6 @@ def _write_run(rover: Rover, terrain: Terrain, run: xr.Dataset, output: FilePath
         title = f"{rover.name} on {terrain.name}, worst: {worst.reason}"
         save(pose_figure(rover, terrain, run.isel(time=worst.station), title), folder / "worst.png")
     return in_folder(folder, *_files(name))
-
-
-def _checked_film(film: FilePath | None) -> list[FilePath]:
-    """Return the film among the files to write, after a check of its name and libraries."""
-    if film is None:
-        return []
-    from ..figures.film import check_film
-
-    check_film(film)
-    return [film]
 
 
 def _write_film(

@@ -35,6 +35,7 @@ from .common import (
     print_json,
     save_netcdf,
 )
+from .pictures import Html, checked_page, write_page
 from .rasters import Raster, load_terrain
 
 #: Exit code if there is no pose: a result, not a wrong call.
@@ -52,6 +53,7 @@ def settle(
     linear: Linear = None,
     raster: Raster = None,
     output: Folder = None,
+    html: Html = None,
     force: Force = False,
     json: Json = False,
 ) -> int:
@@ -79,12 +81,14 @@ def settle(
         Bilinear or smooth cubic terrain between the nodes. Default: cubic for files.
     output
         Folder for the picture and the data.
+    html
+        Write a page (.html) that shows the pose in three dimensions, offline in any browser.
     force
         Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
         Print JSON (SI units, radians) instead of the table.
     """
-    guard_outputs(in_folder(output, "pose.nc", "pose.png"), terrain, rover, force=force)
+    guard_outputs(in_folder(output, "pose.nc", "pose.png") + checked_page(html), terrain, rover, force=force)
     machine = load_rover(rover)
     ground = load_terrain(terrain, linear, raster)
     x, y = middle(ground) if at is None else parse_point(at, "--at")
@@ -105,6 +109,8 @@ def settle(
         files.append(folder / "pose.nc")
         if found:
             files.append(save(pose_figure(machine, ground, data, f"{machine.name} on {ground.name}"), folder / "pose.png"))
+    if found:
+        files += write_page(pose, html, force)
     if json:
         print_json(_record(pose, status) | {"files": files})
     else:

@@ -14,6 +14,7 @@ import numpy as np
 from ..errors import RockerbogieError, expect
 from ..outputs import check_outputs
 from ..rover.model import LOAD_ROVER, Rover
+from ..scene.subject import scene_of
 from ..terrain.heightfield import Terrain
 
 if TYPE_CHECKING:
@@ -33,7 +34,6 @@ View = tuple[float, float]
 #: Size of the numbers on an axis in a figure of the usual size, points.
 TICKS = 9.5
 _ENDINGS = (".png", ".svg", ".pdf")
-_TERRAIN_ARGUMENT = "give the Terrain that the rover was on"
 
 
 def pose(
@@ -65,7 +65,7 @@ def pose(
     if isinstance(pose, Pose):
         rover, terrain, data = pose.rover, pose.terrain, pose.to_xarray()
     else:
-        rover, terrain = _scene(pose, rover, terrain)
+        rover, terrain = scene_of(pose, rover, terrain)
         data = pose
     if data["z"].ndim:
         raise RockerbogieError(
@@ -308,24 +308,10 @@ def film(
     """
     from .film import VIEW, write_film
 
-    rover, terrain = _scene(run, rover, terrain)
+    rover, terrain = scene_of(run, rover, terrain)
     check_outputs([file], force=force)
     seen = _view(view) or VIEW
     return write_film(file, rover, terrain, run, frames=frames, rate=rate, view=seen, progress=progress)
-
-
-def _scene(data: xr.Dataset, rover: Rover | None, terrain: Terrain | None) -> tuple[Rover, Terrain]:
-    """Return rover and terrain of a run: those given, or those it was made with."""
-    from ..settling.dataset import SCENE
-
-    kept = getattr(data, "encoding", {}).get(SCENE, (None, None))
-    rover, terrain = (kept[0] if rover is None else rover), (kept[1] if terrain is None else terrain)
-    if rover is None or terrain is None:
-        missing = "rover" if rover is None else "terrain"
-        raise RockerbogieError(f"the run was read from a file, which does not hold its {missing}: give {missing}=")
-    expect(rover, Rover, "rover", LOAD_ROVER)
-    expect(terrain, Terrain, "terrain", _TERRAIN_ARGUMENT)
-    return rover, terrain
 
 
 def _view(view: View | None) -> View | None:
@@ -371,7 +357,7 @@ def _finish_run(
     file: str | Path | None, size: Size | None, dpi: float | None, force: bool,
 ) -> Figure:  # fmt: skip
     """Draw a run with its rover and terrain, and write the figure."""
-    rover, terrain = _scene(run, rover, terrain)
+    rover, terrain = scene_of(run, rover, terrain)
     return _finish(lambda: draw(rover, terrain, run), file, size, dpi, force)
 
 

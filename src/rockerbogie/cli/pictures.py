@@ -1,0 +1,73 @@
+"""Options of the commands for films and pages, their checks, and the writing of pages."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from ..settling.pose import Pose
+
+Film = Annotated[Path | None, Parameter(name=["--film", "--video"])]
+Html = Annotated[Path | None, Parameter(name="--html")]
+
+
+def checked_film(film: Path | None) -> list[Path]:
+    """Return the film among the files to write, after a check of its name and libraries.
+
+    Args:
+        film: its name, or None.
+
+    Returns:
+        The film; an empty list for None.
+
+    Raises:
+        RockerbogieError: another ending than .gif or .mp4; PyAV not installed (.mp4).
+    """
+    if film is None:
+        return []
+    from ..figures.film import check_film
+
+    check_film(film)
+    return [film]
+
+
+def checked_page(html: Path | None) -> list[Path]:
+    """Return the page among the files to write, after a check of its name.
+
+    Args:
+        html: its name, or None.
+
+    Returns:
+        The page; an empty list for None.
+
+    Raises:
+        RockerbogieError: another ending than .html.
+    """
+    if html is None:
+        return []
+    from ..scene.show import check_page
+
+    return [check_page(html)]
+
+
+def write_page(subject: Pose | xr.Dataset, html: Path | None, force: bool) -> list[Path]:
+    """Write the page of a pose or a run.
+
+    Args:
+        subject: the pose or run.
+        html: the page, or None for no page.
+        force: replace a file that this package did not write.
+
+    Returns:
+        The file; an empty list without a page.
+    """
+    if html is None:
+        return []
+    from ..scene.show import to_html
+
+    return [to_html(subject, html, force=force)]
