@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 import rockerbogie as rb
-from rockerbogie.logs.intervals import rotation_vector, screw
+from rockerbogie._kernels.odometry import track as kernel
 from rockerbogie.logs.odometry import SlopeSlip, flat_odometry, odometry
 from support.helpers import assert_close, paper_rover
 
@@ -32,8 +32,13 @@ def test_a_screw_is_the_exponential_of_its_twist():
         phi, rho = rng.normal(size=(2, 3)) * [[size], [1.0]]
         W = np.array([[0, -phi[2], phi[1]], [phi[2], 0, -phi[0]], [-phi[1], phi[0], 0]])
         T = expm(np.block([[W, rho[:, None]], [np.zeros((1, 4))]]))
-        assert_close(screw(phi[None], rho[None])[0], T[:3, 3], 1e-12, "m", "matrix exponential on SE(3)")
-        assert_close(rotation_vector(T[None, :3, :3])[0], phi, 1e-12, "rad", "and its logarithm")
+        moved, vector, turned = np.empty(3), np.empty(3), np.empty((3, 3))
+        kernel.screw(phi, rho, moved)
+        assert_close(moved, T[:3, 3], 1e-12, "m", "matrix exponential on SE(3)")
+        kernel.turned_by(np.eye(3), phi, turned)
+        assert_close(turned, T[:3, :3], 1e-12, "1", "its rotation")
+        kernel.turn_between(np.eye(3), np.ascontiguousarray(T[:3, :3]), vector)
+        assert_close(vector, phi, 1e-12, "rad", "and its logarithm")
 
 
 def test_odometry_straight_over_waves():

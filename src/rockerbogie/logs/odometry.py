@@ -10,16 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RockerbogieError, expect
-from ..motion.body_twist import Motion, body_twist
-from ..motion.jacobian import SimpleStance, contact_rows
-from ..rotations import body_transform
-from ..rover.frames import contact_frames, wheel_frames
 from ..rover.model import Rover
 from ..settling.settle import settle
 from ..terrain.heightfield import Terrain
 from .channels import LogReport, LogWarning, arrange_log
-from .intervals import middle, upright_angles
+from .intervals import middle
 from .readings import Readings
+from .steps import MAPPED_SLOPE, UNKNOWN_SLOPE, IntervalMotion, interval_motion, weights_of
 from .track import integrate, track_dataset
 
 if TYPE_CHECKING:
@@ -27,17 +24,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: Standard deviation of the angle between a wheel's path and the plane through all six, without a map, rad.
-UNKNOWN_SLOPE = 0.15
-#: The same with a map.
-MAPPED_SLOPE = 0.1
-#: Iterations between contact angles and velocities; greatest number of iterations between track and map, which end when the
-#: track moves by less than `SETTLED`, m.
-ROUNDS, MAP_ROUNDS, SETTLED = 4, 10, 1e-4
-#: Least speed of a hub whose direction is used, m/s; sine of the steepest path of a hub.
-STANDING, STEEPEST = 1e-4, 0.8
-#: A wheel's slip beyond this many standard deviations loses weight.
-OUTLIER = 3.0
+#: Greatest number of iterations between track and map, which end when the track moves by less than `SETTLED`, m.
+MAP_ROUNDS, SETTLED = 10, 1e-4
 
 
 @dataclass(frozen=True)
@@ -106,23 +94,19 @@ def odometry(
     s = Readings.of(rover, data, report)
     if soil is not None and s.lean is None:
         raise RockerbogieError("soil= needs the slope, and the log has no roll and pitch: leave it out")
-    plane = _plane_state(rover, s)
-    soil_slip = np.zeros((*s.steering.shape, 3)) if soil is None else _soil_slip(rover, s, plane, soil)
-    state, motion = _solve_motion(rover, s, plane, soil_slip, None, UNKNOWN_SLOPE)
-    level = (float(np.ravel(plane.roll)[0]), float(np.ravel(plane.pitch)[0]))
-    T = integrate(s, motion.twist, start, level)
-    used = s
+    slopes = (0.0, 0.0) if soil is None else (soil.along, soil.across)
+    motion = interval_motion(rover, weights_of(rover, UNKNOWN_SLOPE, s.joint_error, slopes), s.packed())
+    path, used = integrate(s, motion, start), s
+    weights = weights_of(rover, MAPPED_SLOPE, s.joint_error, slopes)
     for _ in range(MAP_ROUNDS if ground is not None else 0):
         assert ground is not None
-        before = T[:, :2, 3].copy()
-        used, z = _on_map(rover, s, T, ground)
-        plane = replace(plane, roll=middle(used.lean[:, 0]), pitch=middle(used.lean[:, 1]))  # type: ignore[index]
-        state, motion = _solve_motion(rover, used, plane, soil_slip, _climb(s, T, z, plane, motion), MAPPED_SLOPE)
-        T = integrate(used, motion.twist, (*start[:2], z[0]), level)
-        T[:, 2, 3] = z
-        if np.hypot(*(T[:, :2, 3] - before).T).max() < SETTLED:
+        before = path.T[:, :2, 3]
+        used, z = _on_map(rover, s, path.T, ground)
+        motion = interval_motion(rover, weights, used.packed(), _climb(s, path.T, z, motion))
+        path = integrate(used, motion, start, z)
+        if np.hypot(*(path.T[:, :2, 3] - before).T).max() < SETTLED:
             break
-    track = track_dataset(rover, used, T, motion, state.contact_angle)
+    track = track_dataset(rover, used, path, motion)
     track.attrs["warnings"] = "\n".join(report.warnings)
     report.emit()
     return track
@@ -177,57 +161,6 @@ def flat_odometry(
     return track
 
 
-def _plane_state(rover: Rover, s: Readings) -> SimpleStance:
-    """Return contact angles on the plane nearest to the six hubs."""
-    axle = wheel_frames(rover, s.rocker, s.bogie, s.steering)
-    hub = axle[..., :3, 3]
-    design = np.concatenate([hub[..., :2], np.ones((*hub.shape[:-1], 1))], axis=-1)
-    slope = np.einsum("...ij,...j->...i", np.linalg.pinv(design), hub[..., 2])
-    normal = np.stack([-slope[:, 0], -slope[:, 1], np.ones(len(slope))], axis=-1)
-    normal = np.repeat((normal / np.linalg.norm(normal, axis=1, keepdims=True))[:, None, :], 6, axis=1)
-    delta = np.arctan2((normal * axle[..., :3, 0]).sum(axis=-1), (normal * axle[..., :3, 2]).sum(axis=-1))
-    lean = upright_angles(normal[:, 0]) if s.lean is None else middle(s.lean)
-    return SimpleStance(s.rocker, s.bogie, delta, s.steering, lean[:, 0], lean[:, 1], normal)
-
-
-def _soil_slip(rover: Rover, s: Readings, plane: SimpleStance, soil: SlopeSlip) -> Array:
-    """Return the expected slip (n, 6, 3) on the plane of the wheels."""
-    axle = wheel_frames(rover, plane.rocker, plane.bogie, plane.steering)
-    contact = contact_frames(rover, axle, plane.contact_angle)
-    up = body_transform(0, 0, 0, plane.roll, plane.pitch, 0.0)[:, None, 2, :3]
-    ahead, left = ((up * contact[..., :3, k]).sum(axis=-1) for k in (0, 1))
-    return soil.slip(rover.wheel_radius * s.wheel_rates, ahead, left)
-
-
-def _solve_motion(
-    rover: Rover, s: Readings, plane: SimpleStance, soil_slip: Array, climb: Array | None, slope: float
-) -> tuple[SimpleStance, Motion]:
-    """Solve for motion and contact angles together.
-
-    Each hub moves along its own tread's tangent, and off the plane of all six wheels at the rate that leaves the body's
-    `climb` (n,) m/s. Without a map, the mean rate off the plane is 0. A wheel whose slip exceeds `OUTLIER` standard
-    deviations (it spins or stalls) loses weight.
-    """
-    assert plane.normal is not None
-    state, expected = plane, soil_slip.copy()
-    noise, prior = s.noise(rover, slope), s.prior(rover)
-    sigma = noise.roll_slip
-    for _ in range(ROUNDS):
-        motion = body_twist(rover, state, **s.measured, expected_slip=expected, noise=noise, prior=prior)
-        rows = contact_rows(rover, state)
-        m = np.concatenate([motion.twist, motion.rocker_rate[:, None], motion.bogie_rates], axis=1)
-        contact = np.einsum("nijk,nk->nij", rows[..., :9], m)
-        along = contact[..., 0] + rover.wheel_radius * contact[..., 4]  # the hub's velocity
-        off = contact[..., 2]
-        sine = np.divide(off, along, out=np.zeros_like(along), where=np.abs(along) > STANDING)
-        state = replace(state, contact_angle=plane.contact_angle - np.arcsin(np.clip(sine, -STEEPEST, STEEPEST)))
-        rise = -off.mean(axis=1) if climb is None else climb - (plane.normal[:, 0] * motion.twist[:, :3]).sum(axis=1)
-        slipped = (motion.residual[..., 0] - expected[..., 0]) / (OUTLIER * np.asarray(sigma))
-        noise = replace(noise, roll_slip=sigma * np.maximum(1.0, np.nan_to_num(slipped) ** 2))
-        expected[..., 2] = off + rise[:, None]  # joints and gyro determine the rise of the wheels relative to each other
-    return state, motion
-
-
 def _on_map(rover: Rover, s: Readings, T: Array, terrain: Terrain) -> tuple[Readings, Array]:
     """Settle the rover along its track: return readings with its attitude, and heights (n + 1,)."""
     x, y, yaw = T[:, 0, 3], T[:, 1, 3], np.unwrap(np.arctan2(T[:, 1, 0], T[:, 0, 0]))
@@ -246,10 +179,9 @@ def _on_map(rover: Rover, s: Readings, T: Array, terrain: Terrain) -> tuple[Read
     return replace(s, lean=lean, measured=s.measured | {"inclinometer_rates": rates}), pose.z
 
 
-def _climb(s: Readings, T: Array, z: Array, plane: SimpleStance, motion: Motion) -> Array:
+def _climb(s: Readings, T: Array, z: Array, motion: IntervalMotion) -> Array:
     """Return the speed (n,) of the body off the plane of its wheels by the map; 0 without map."""
-    assert plane.normal is not None
     R = middle(T[:, :3, :3])
-    v = np.einsum("nij,nj->ni", R, motion.twist[:, :3])
+    v = np.einsum("nij,nj->ni", R, motion.motion[:, :3])
     v[:, 2] = np.diff(z) / np.diff(s.time)
-    return np.asarray(np.nan_to_num(np.einsum("nij,nj,ni->n", R, plane.normal[:, 0], v)))
+    return np.asarray(np.nan_to_num(np.einsum("nij,nj,ni->n", R, motion.normal, v)))

@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .._kernels.odometry import layout as at
 from ..errors import RockerbogieError
-from ..motion.body_twist import RatePrior, SensorNoise
-from ..rotations import body_transform
 from ..rover.model import Rover
 from .channels import LogReport, arrange_log
-from .intervals import middle, rotation_vector
+from .intervals import middle
 from .resolution import COUNTS, LONGEST, joint_window, resolution_of, smooth, window_of
 from .sensor_checks import check_heading, check_tilt, check_wheels
+from .steps import turns
 
 if TYPE_CHECKING:
     import xarray as xr
 
 Array = NDArray[np.float64]
-
-#: Slip along and across a wheel's path as a share of the speed, and the least slip, m/s.
-ROLL_SHARE, SIDE_SHARE, LEAST_SLIP = 0.1, 0.1, 1e-4
-#: Expected size of rates that are not measured, of a joint and of roll and pitch, times speed over wheelbase: rad.
-PRIOR_JOINT, PRIOR_TILT = 0.1, 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +34,8 @@ class Readings:
     bogie: Array  # (n, 2) rad
     lean: Array | None  # (n + 1, 2) roll, pitch, rad
     yaw: Array | None  # (n + 1,) rad
-    measured: dict[str, Array]  # arguments of `body_twist`
+    measured: dict[str, Array]  # rates, by the names of the arguments of `body_twist`
+    window: int  # rows over which they are smoothed; 1 for none
     joint_error: float  # error of the suspension's rates from its resolution, rad/s
 
     @classmethod
@@ -96,8 +92,7 @@ class Readings:
         roll, pitch, yaw, gyro = column("roll"), column("pitch"), column("yaw"), column("gyro")
         lean = None if roll is None or pitch is None else np.stack([roll, pitch], axis=-1)
         if lean is not None and yaw is not None:
-            R = body_transform(0, 0, 0, lean[:, 0], lean[:, 1], yaw)[:, :3, :3]
-            turn = rotation_vector(np.swapaxes(R[:-1], 1, 2) @ R[1:])
+            turn = turns(np.column_stack([lean, yaw]))
             if window > 1:
                 turn = np.diff(smooth(time, np.concatenate([np.zeros((1, 3)), np.cumsum(turn, axis=0)]), window), axis=0)
             measured["gyro"] = turn / dt[:, None]
@@ -117,50 +112,47 @@ class Readings:
             lean,
             yaw,
             measured,
+            window,
             joint_error,
         )
         if not checked:
             _compare(rover, s, report)
         return s
 
-    def speed(self, rover: Rover) -> Array:
-        """Return the median speed of the wheels' rims.
+    @property
+    def attitude(self) -> Array:
+        """(n + 1, 3) roll, pitch, yaw, rad; NaN where not logged."""
+        found = np.full((len(self.time), 3), np.nan)
+        if self.lean is not None:
+            found[:, :2] = self.lean
+        if self.yaw is not None:
+            found[:, 2] = self.yaw
+        return found
 
-        Args:
-            rover: gives the wheel radii.
+    @property
+    def has_suspension(self) -> bool:
+        """True if rocker and bogies are logged."""
+        return "rocker_rate" in self.measured and "bogie_rates" in self.measured
 
-        Returns:
-            (n, 1) m/s.
-        """
-        return np.median(np.abs(rover.wheel_radius * self.wheel_rates), axis=1, keepdims=True)
-
-    def noise(self, rover: Rover, slope: float) -> SensorNoise:
-        """Return the standard deviations of slip and rates.
-
-        Args:
-            rover: the rover.
-            slope: standard deviation of the contact angles, rad.
-
-        Returns:
-            Slip and lift in proportion to the speed; the joints' rates by their resolution.
-        """
-        speed = self.speed(rover)
-        found = SensorNoise(
-            roll_slip=ROLL_SHARE * speed + LEAST_SLIP, side_slip=SIDE_SHARE * speed + LEAST_SLIP, lift=slope * speed + LEAST_SLIP
-        )  # fmt: skip
-        return replace(found, joint_rate=float(np.hypot(1e-3, self.joint_error))) if self.joint_error else found
-
-    def prior(self, rover: Rover) -> RatePrior:
-        """Return the expected size of rates that are not measured.
-
-        Args:
-            rover: the rover.
+    def packed(self) -> Array:
+        """Return the readings as the kernels take them.
 
         Returns:
-            (n,) of a joint's rate and of the rates of roll and pitch, rad/s, in proportion to speed over wheelbase.
+            (n, R_SIZE), NaN where a sensor is missing.
         """
-        speed = self.speed(rover)[:, 0]
-        return RatePrior(joint=PRIOR_JOINT * speed / rover.wheelbase + 1e-4, tilt=PRIOR_TILT * speed / rover.wheelbase + 1e-4)
+        m, found = self.measured, np.full((len(self.wheel_rates), at.R_SIZE), np.nan)
+        found[:, at.R_WHEEL : at.R_WHEEL + 6] = self.wheel_rates
+        found[:, at.R_STEERING : at.R_STEERING + 6] = self.steering
+        found[:, at.R_STEERING_RATE : at.R_STEERING_RATE + 6] = m.get("steering_rates", 0.0)
+        found[:, at.R_ROCKER] = self.rocker
+        found[:, at.R_BOGIE : at.R_BOGIE + 2] = self.bogie
+        found[:, at.R_ROCKER_RATE] = m.get("rocker_rate", np.nan)
+        found[:, at.R_BOGIE_RATE : at.R_BOGIE_RATE + 2] = m.get("bogie_rates", np.nan)
+        found[:, at.R_GYRO : at.R_GYRO + 3] = m.get("gyro", np.nan)
+        found[:, at.R_TILT_RATE : at.R_TILT_RATE + 2] = m.get("inclinometer_rates", np.nan)
+        if self.lean is not None:
+            found[:, at.R_TILT : at.R_TILT + 2] = middle(self.lean)
+        return found
 
 
 def _window(

@@ -115,3 +115,16 @@ def smooth(time: Array, values: Array, window: int) -> Array:
             padded = uniform_filter1d(padded, 2 * (half // 2) + 1, axis=0, mode="nearest")
         out[a:b] = padded[reach : reach + b - a]
     return out
+
+
+def half_width(window: int) -> int:
+    """Return the number of rows to either side that `smooth` uses.
+
+    Args:
+        window: rows.
+
+    Returns:
+        Rows; 0 if the window does not smooth.
+    """
+    half = window // 2
+    return 2 * (half // 2) if half >= 2 else 0

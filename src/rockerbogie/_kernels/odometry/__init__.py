@@ -1,0 +1,1 @@
+"""Odometry: motion of one interval between readings, and the track."""

@@ -1,0 +1,46 @@
+"""Tip margin of a rover by its joint sensors and attitude, without a map."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .._kernels.statics import loads as kernel
+from .._kernels.statics.mechanism import BELLY
+from ..arrays import Array
+from ..rotations import body_transform, euler_angles
+from ..rover.frames import contact_frames, wheel_frames
+from ..rover.model import Rover
+from ..statics.stability import GRIP
+
+NO_BELLY = np.full((1, BELLY, 3), np.nan)
+NO_STOPS = np.zeros((1, 3), dtype=np.int8)
+
+
+def tip_margin(rover: Rover, T: Array, rocker: float, bogie: Array, steering: Array, contact_angle: Array) -> float:
+    """Compute the tip margin of one pose whose six wheels are in contact with the terrain.
+
+    Args:
+        rover: the rover.
+        T: (4, 4) T_world_body; roll and pitch are used.
+        rocker: rad.
+        bogie: (2,) rad.
+        steering: (6,) rad.
+        contact_angle: (6,) rad.
+
+    Returns:
+        Tip margin as of `stability`, rad; NaN if the rover has no mass, or an angle is NaN.
+    """
+    angles = np.array([rocker, *bogie, *steering, *contact_angle])
+    if not (rover.mass > 0.0 and np.isfinite(angles).all() and np.isfinite(T).all()):
+        return float("nan")
+    roll, pitch, _ = euler_angles(T[:3, :3])
+    axle = wheel_frames(rover, rocker, bogie, steering)
+    contact = body_transform(0, 0, 0, roll, pitch, 0.0) @ contact_frames(rover, axle, contact_angle)
+    q = np.array([[0.0, roll, pitch, rocker, bogie[0], bogie[1]]])
+    margin, direction, angle, energy = np.empty((4, 1))
+    kernel.stability_batch(
+        rover.packed, np.zeros(1), steering[None], q, np.ascontiguousarray(contact[None, :, :3, 3]),
+        np.ascontiguousarray(contact[None, :, :3, 2]), NO_STOPS, NO_BELLY, NO_BELLY, GRIP,
+        margin, direction, np.empty((1, 6), dtype=bool), np.empty(1, dtype=bool), angle, energy, 0, 1,
+    )  # fmt: skip
+    return float(margin[0])
