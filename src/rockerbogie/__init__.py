@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from .logs.odometry import SlopeSlip as SlopeSlip
     from .logs.odometry import flat_odometry as flat_odometry
     from .logs.odometry import odometry as odometry
+    from .logs.odometry_filter import Estimate as Estimate
+    from .logs.odometry_filter import OdometryFilter as OdometryFilter
     from .logs.validate import validate as validate
     from .maps.files import read_map as read_map
     from .maps.files import write_map as write_map
@@ -64,6 +66,8 @@ if TYPE_CHECKING:
     from .motion.wheel_commands import straight as straight
     from .motion.wheel_commands import turn_in_place as turn_in_place
     from .motion.wheel_commands import wheel_commands as wheel_commands
+    from .motion.wheel_controller import WheelCommand as WheelCommand
+    from .motion.wheel_controller import WheelController as WheelController
     from .rotations import body_transform as body_transform
     from .rover.differential import DifferentialBar as DifferentialBar
     from .rover.formats import Import as Import
@@ -193,6 +197,8 @@ _EXPORTS = {
     "crab": "motion.wheel_commands",
     "turn_in_place": "motion.wheel_commands",
     "commands_along": "motion.wheel_commands",
+    "WheelController": "motion.wheel_controller",
+    "WheelCommand": "motion.wheel_controller",
     "wheel_slip": "motion.slip",
     "Slip": "motion.slip",
     "drive": "motion.drive",
@@ -201,6 +207,8 @@ _EXPORTS = {
     "odometry": "logs.odometry",
     "flat_odometry": "logs.odometry",
     "SlopeSlip": "logs.odometry",
+    "OdometryFilter": "logs.odometry_filter",
+    "Estimate": "logs.odometry_filter",
     "LogWarning": "logs.channels",
     "read_log": "logs.joint_log",
     "write_mcap": "logs.mcap",

@@ -17,7 +17,7 @@ from .errors import RockerbogieError
 TOO_STEEP = 1.3
 
 #: Number of steps of `_steps`.
-STEPS = 24
+STEPS = 26
 
 
 class Compiled(NamedTuple):
@@ -64,7 +64,12 @@ def compile_kernels(progress: Callable[[int, int], None] | None = None) -> Compi
 def _steps() -> Iterator[Callable[[], object]]:
     """Yield the calls that compile all kernels between them, in order."""
     from .figures.render import Camera, Mesh, render
+    from .logs.odometry import odometry
+    from .motion.drive import drive
     from .motion.jacobian import wheel_jacobians
+    from .motion.path import Path
+    from .motion.wheel_commands import straight
+    from .motion.wheel_controller import WheelController
     from .rover.formats import load_rover
     from .settling.settle import settle
     from .settling.verification import verify
@@ -101,5 +106,7 @@ def _steps() -> Iterator[Callable[[], object]]:
     table = tabulate(soil, 0.25, 0.4, (100.0, 500.0), size=(6, 7, 6))
     yield partial(table.forces, 300.0, 0.1)
     yield partial(table.motion_forces, 300.0, 1.0, 0.9, 0.0)
+    yield partial(odometry, rover, None, drive(rover, level, Path.straight((0.0, 0.0), 0.0, 0.1), speed=0.1))
+    yield partial(WheelController(rover).command, straight(0.1))
     triangle = Mesh.flat(np.eye(3)[None], (1.0, 1.0, 1.0))
     yield partial(render, triangle, Camera.framing(triangle.corners, 0.5, 0.5, (8, 8)), sun=(0.5, 0.8))
