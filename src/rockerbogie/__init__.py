@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from .logs.benchmark import benchmark_mars as benchmark_mars
     from .logs.benchmark import write_benchmark_template as write_benchmark_template
     from .logs.channels import LogWarning as LogWarning
+    from .logs.forecast import forecast_slip as forecast_slip
+    from .logs.forecast_score import score_forecast as score_forecast
     from .logs.joint_log import read_log as read_log
     from .logs.mcap import write_mcap as write_mcap
     from .logs.odometry import SlopeSlip as SlopeSlip
@@ -32,6 +34,10 @@ if TYPE_CHECKING:
     from .logs.odometry import odometry as odometry
     from .logs.odometry_filter import Estimate as Estimate
     from .logs.odometry_filter import OdometryFilter as OdometryFilter
+    from .logs.slip_fit import SoilFit as SoilFit
+    from .logs.slip_fit import fit_soil as fit_soil
+    from .logs.slip_log import read_slip_log as read_slip_log
+    from .logs.slip_table import slip_table as slip_table
     from .logs.validate import validate as validate
     from .maps.files import read_map as read_map
     from .maps.files import write_map as write_map
@@ -219,6 +225,12 @@ _EXPORTS = {
     "Comparison": "simulation.compare",
     "Channel": "simulation.compare",
     "validate": "logs.validate",
+    "read_slip_log": "logs.slip_log",
+    "fit_soil": "logs.slip_fit",
+    "SoilFit": "logs.slip_fit",
+    "slip_table": "logs.slip_table",
+    "forecast_slip": "logs.forecast",
+    "score_forecast": "logs.forecast_score",
     "benchmark_mars": "logs.benchmark",
     "MarsBenchmark": "logs.benchmark",
     "write_benchmark_template": "logs.benchmark",

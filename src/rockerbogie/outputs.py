@@ -23,6 +23,8 @@ _TABLES = (
     "x [m],y [m],yaw [rad],distance [m],cost [m],tilt [rad]",
     "place,x [m],y [m],yaw [deg],status,",
     "case,channel,logged [deg],",
+    "time [s],distance [m],known slip,mean slip,",
+    "soil,slope [deg],heading [deg],",
 )
 #: Files that users edit after they were written: they are not replaced without `force`.
 _EDITED = frozenset({".toml", ".urdf", ".sdf", ".xml", ".obj", ".md", ".py", ".usd", ".usda"})

@@ -1,0 +1,323 @@
+"""Forecast of slip along a drive, from past telemetry only (docs/forecast.md)."""
+
+from __future__ import annotations
+
+from copy import copy
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.special import expit, logit, ndtr
+
+from .._version import __version__
+from ..arrays import Array
+from ..errors import RockerbogieError, expect
+from ..rover.model import LOAD_ROVER, Rover
+from ..settling.settle import settle
+from ..terrain.heightfield import Terrain
+from .slip_log import NEW_TRAVEL, arrange_slip_log, read_slip_log
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Filters of the bank: change of the level per metre and error of a measurement (variances of the logit of slip), change of
+#: its growth per metre, and gain on the sine of the slope.
+CHANGES, ERRORS, GROWTHS, GAINS = (0.0025, 0.02, 0.08, 0.3, 1.0), (0.003, 0.01, 0.03, 0.1), (0.0, 0.004), (0.0, 6.0)
+#: Weight of each change before the first measurement.
+PRIOR = (0.2, 0.3, 0.3, 0.15, 0.05)
+#: Error of a slip that was measured by corrected positions, variance of its logit: 2 % of the distance.
+POSITION_ERROR = 0.02
+#: Level before the first measurement, slip; its variance, and that of the growth.
+START, START_VARIANCE, GROWTH_VARIANCE = 0.2, 1.0, 0.012
+#: Share of a growth that is left after 1 m; share of the weights that returns to the prior at each measurement.
+DAMPING, SHARED = 0.8, 0.1
+#: Slope from which the gain counts (sine); slips are limited to SMALLEST … 1 − SMALLEST before their logit is taken.
+USUAL_SLOPE, SMALLEST = 0.2, 0.02
+#: Distance of the forecast, m; warnings look two measurements, 2 m, ahead.
+AHEAD, WARNING_REACH = 1.0, 2.0
+#: A warning is given at this probability: being stuck costs as much as 1 / THRESHOLD stops to look.
+LIMIT, THRESHOLD = 0.8, 0.02
+#: Measurements before the first warning: until then the bank has no level.
+FEWEST = 3
+#: Travel between two forecasts without a new measurement, m.
+EVERY = 0.25
+_NODES, _SHARES = (values for values in np.polynomial.hermite_e.hermegauss(31))
+_SHARES = _SHARES / _SHARES.sum()
+
+
+class SlipBank:
+    """Bank of local-level filters for the logit of slip, weighted by their past predictions.
+
+    Each filter has a level (the soil), a growth per metre and a gain on the slope. A share of the weights returns to the prior at
+    each measurement, so that the bank recovers from a change of soil.
+    """
+
+    def __init__(self) -> None:
+        grid = np.array(list(product(CHANGES, ERRORS, GROWTHS, GAINS)))
+        self.change, self.error, self.growing, self.gain = grid.T
+        n = len(grid)
+        self.level, self.growth = np.full(n, float(logit(START))), np.zeros(n)
+        self.P00, self.P01 = np.full(n, START_VARIANCE), np.zeros(n)
+        self.P11 = np.where(self.growing > 0, GROWTH_VARIANCE, 0.0)
+        self.prior = np.array([PRIOR[CHANGES.index(change)] for change in self.change])
+        self.prior /= self.prior.sum()
+        self.weight = self.prior
+
+    def ahead(self, travel: float) -> tuple[Array, Array, Array, Array, Array]:
+        """Return the state after some travel without a measurement.
+
+        Args:
+            travel: m.
+
+        Returns:
+            Level, growth and the covariance P00, P01, P11, each (filters,).
+        """
+        kept, moving = DAMPING**travel, np.where(self.growing > 0, travel, 0.0)
+        return (
+            self.level + moving * self.growth,
+            kept * self.growth,
+            self.P00 + 2 * moving * self.P01 + moving**2 * self.P11 + self.change * travel,
+            kept * (self.P01 + moving * self.P11),
+            kept**2 * self.P11 + self.growing * travel,
+        )
+
+    def advance(self, travel: float) -> None:
+        """Move the state over some travel.
+
+        Args:
+            travel: m.
+        """
+        self.level, self.growth, self.P00, self.P01, self.P11 = self.ahead(travel)
+
+    def measure(self, slip: float, slope: float, from_position: bool) -> None:
+        """Update all filters by a measured slip.
+
+        Weights change only by slips of the log, because the filters differ in the error of these.
+
+        Args:
+            slip: measured slip.
+            slope: sine of the slope on which it was measured.
+            from_position: measured by corrected positions.
+        """
+        error = np.full_like(self.error, POSITION_ERROR) if from_position else self.error
+        variance = self.P00 + error
+        off = _logit(slip) - self.level - self.gain * (slope - USUAL_SLOPE)
+        if not from_position:
+            score = np.log(self.weight) - 0.5 * (np.log(variance) + off**2 / variance)
+            weight = np.exp(score - score.max())
+            self.weight = (1 - SHARED) * weight / weight.sum() + SHARED * self.prior
+        k0, k1 = self.P00 / variance, self.P01 / variance
+        self.level, self.growth = self.level + k0 * off, self.growth + k1 * off
+        self.P00, self.P01, self.P11 = self.P00 * (1 - k0), self.P01 * (1 - k0), self.P11 - k1 * self.P01
+
+    def predictive(self, travel: float, slope: float) -> tuple[Array, Array]:
+        """Return mean and standard deviation (filters,) of the logit of a coming slip.
+
+        Args:
+            travel: m.
+            slope: sine of the slope there.
+
+        Returns:
+            Means and standard deviations.
+        """
+        level, _, P00, _, _ = self.ahead(travel)
+        return level + self.gain * (slope - USUAL_SLOPE), np.sqrt(P00 + self.error)
+
+    def exceeding(self, travel: float, slope: float, limit: float) -> float:
+        """Return the probability that one of the next two measurements, 1 m apart, exceeds a limit.
+
+        Args:
+            travel: travel until the first of the two, m.
+            slope: sine of the slope there.
+            limit: slip.
+
+        Returns:
+            Probability, 0 to 1.
+        """
+        level, growth, P00, P01, P11 = self.ahead(travel)
+        first = level[:, None] + np.sqrt(P00)[:, None] * _NODES
+        along, moving = P01 / P00, np.where(self.growing > 0, 1.0, 0.0)
+        second = first + (moving * growth)[:, None] + (moving * along)[:, None] * (first - level[:, None])
+        spread = np.sqrt(self.change + moving * (P11 - along * P01) + self.error)
+        free = _logit(limit) - (self.gain * (slope - USUAL_SLOPE))[:, None]
+        below = ndtr((free - first) / np.sqrt(self.error)[:, None]) * ndtr((free - second) / spread[:, None])
+        return float(np.clip(1 - self.weight @ (below @ _SHARES), 0.0, 1.0))
+
+    def moments(self, travel: float, slope: float, quantiles: Array) -> tuple[float, Array]:
+        """Return mean and quantiles of the slip measured after some travel.
+
+        Args:
+            travel: m.
+            slope: sine of the slope there.
+            quantiles: (k,) probabilities.
+
+        Returns:
+            Mean, and (k,) slips.
+        """
+        mean, sigma = self.predictive(travel, slope)
+        expected = float(self.weight @ (expit(mean[:, None] + sigma[:, None] * _NODES) @ _SHARES))
+        low, high = (np.full(len(quantiles), value) for value in ((mean - 8 * sigma).min(), (mean + 8 * sigma).max()))
+        for _ in range(50):
+            half = 0.5 * (low + high)
+            above = self.weight @ ndtr((half - mean[:, None]) / sigma[:, None]) > quantiles
+            low, high = np.where(above, low, half), np.where(above, half, high)
+        return expected, expit(0.5 * (low + high))
+
+
+def forecast_slip(
+    rover: Rover,
+    terrain: Terrain | None,
+    log: str | Path | xr.Dataset,
+    *,
+    limit: float = LIMIT,
+    threshold: float = THRESHOLD,
+    quantiles: tuple[float, ...] = (0.1, 0.5, 0.9),
+    every: float = EVERY,
+) -> xr.Dataset:
+    """Forecast the slip of the next metre along a drive.
+
+    Each forecast uses only rows of the log up to its own.
+
+    A bank of local-level filters tracks the logit of slip from measurement to measurement. Each has a level for the soil
+    under the rover, a damped growth and a gain on the slope. The forecast is the mixture of all filters. All constants were
+    fixed on the drives of docs/forecast.md; only the filters' weights depend on the log.
+
+    Args:
+        rover: the rover that made the log.
+        terrain: the map, if there is one: the slope 1 m ahead on the present course is then used; else the present slope.
+        log: a file of `read_slip_log`, or such a Dataset.
+        limit: slip of which the warning warns, between 0 and 1.
+        threshold: probability of exceeding it within 2 m of wheel travel at which a warning is given.
+        quantiles: probabilities of the quantiles.
+        every: wheel travel between two forecasts without a new measurement, m.
+
+    Returns:
+        Dataset over `step`: `time` (s), `distance` (wheel travel, m), `row` of the log; `known`, the last measured slip; `mean`
+        and `quantile` (step, probability) of the slip over the next metre of wheel travel; `exceed`, the probability of a
+        slip above `limit` within 2 m; `warning`, from the third measurement on.
+
+    Raises:
+        RockerbogieError: a log without slip, or arguments out of range.
+    """
+    import xarray as xr
+
+    expect(rover, Rover, "rover", LOAD_ROVER)
+    if terrain is not None:
+        expect(terrain, Terrain, "terrain", "make one with rockerbogie.Terrain.from_raster, or give None")
+    _check(limit, threshold, quantiles, every)
+    data = slip_log_of(log, rover)
+    time, distance, slip = (data[name].to_numpy() for name in ("time", "distance", "slip"))
+    slope = np.hypot(data["along"].to_numpy(), data["across"].to_numpy())
+    rows = _forecast_rows(distance, slip, every)
+    coming = slope[rows] if terrain is None else _slope_ahead(rover, terrain, data, rows)
+    bank, last, sum_from = SlipBank(), np.nan, 0
+    before = copy(bank)  # the state at the last measurement, without it
+    probabilities = np.array(quantiles)
+    measured_by_position = data["from_position"].to_numpy()
+    out: dict[str, list[Any]] = {name: [] for name in ("known", "mean", "quantile", "exceed")}
+    at = here = 0.0
+    for row, ahead in zip(rows, coming, strict=True):
+        travel = distance[row] - at
+        if np.isfinite(slip[row]):
+            if travel < NEW_TRAVEL and np.isfinite(last):  # a newer value of the same travel replaces the older one
+                bank = copy(before)
+            else:
+                bank.advance(travel)
+                before, at, here = copy(bank), distance[row], _mean_slope(slope, distance, sum_from, row)
+                sum_from = row
+            bank.measure(float(slip[row]), here, bool(measured_by_position[row]))
+            last, travel = float(slip[row]), distance[row] - at
+        ahead = USUAL_SLOPE if np.isnan(ahead) else float(ahead)
+        mean, values = bank.moments(travel + AHEAD, ahead, probabilities)
+        out["known"].append(last)
+        out["mean"].append(mean)
+        out["quantile"].append(values)
+        out["exceed"].append(bank.exceeding(travel + AHEAD, ahead, limit))
+    number = {"units": "1"}
+    exceed = np.array(out["exceed"])
+    warning = (exceed >= threshold) & (np.isfinite(slip).cumsum()[rows] >= FEWEST)
+    return xr.Dataset(
+        {
+            "known": ("step", out["known"], number | {"long_name": "last measured slip"}),
+            "mean": ("step", out["mean"], number | {"long_name": "mean of the slip over the next metre"}),
+            "quantile": (("step", "probability"), np.array(out["quantile"]), number | {"long_name": "quantiles of that slip"}),
+            "exceed": ("step", exceed, number | {"long_name": f"probability of a slip above {limit:g} within 2 m"}),
+            "warning": ("step", warning, {"long_name": f"that probability is {threshold:g} or more"}),
+        },
+        {
+            "time": ("step", time[rows], {"units": "s"}),
+            "distance": ("step", distance[rows], {"units": "m", "long_name": "wheel travel"}),
+            "row": ("step", data["row"].to_numpy()[rows]),
+            "probability": probabilities,
+        },
+        {
+            "log": data.attrs["log"], "rover": rover.name, "limit": limit, "threshold": threshold, "ahead": AHEAD,
+            "warning_reach": WARNING_REACH, "source": f"rockerbogie {__version__} forecast_slip",
+        },
+    )  # fmt: skip
+
+
+def slip_log_of(log: str | Path | xr.Dataset, rover: Rover) -> xr.Dataset:
+    """Return a slip log from a file or a Dataset.
+
+    Args:
+        log: a file of `read_slip_log`, or a Dataset as it returns.
+        rover: the rover that made it.
+
+    Returns:
+        The log over `row`.
+
+    Raises:
+        RockerbogieError: it cannot be read.
+    """
+    return read_slip_log(log, rover) if isinstance(log, str | Path) else arrange_slip_log(log)
+
+
+def _check(limit: float, threshold: float, quantiles: tuple[float, ...], every: float) -> None:
+    for name, value in (("limit", limit), ("threshold", threshold), *(("a quantile", q) for q in quantiles)):
+        if not 0 < value < 1:
+            raise RockerbogieError(f"{name} is {value}; give a number between 0 and 1")
+    if list(quantiles) != sorted(set(quantiles)):
+        raise RockerbogieError(f"quantiles are {quantiles}; give them in ascending order, each once")
+    if not every > 0:
+        raise RockerbogieError(f"every is {every}; give a distance above 0, in metres")
+
+
+def _forecast_rows(distance: Array, slip: Array, every: float) -> Any:
+    """Return the rows of the forecasts: each measurement, and each `every` metres after it."""
+    rows, at = [], np.inf
+    for row in range(len(distance)):
+        if np.isfinite(slip[row]) or distance[row] >= at:
+            rows.append(row)
+            at = distance[row] + every
+    return np.array(rows)
+
+
+def _mean_slope(slope: Array, distance: Array, start: int, end: int) -> float:
+    """Return the mean slope over the travel between two rows; a usual one if it is not known."""
+    part, travel = slope[start : end + 1], np.diff(distance[start : end + 1], prepend=distance[start])
+    if not np.isfinite(part).all():
+        return USUAL_SLOPE
+    return float(np.average(part, weights=travel)) if travel.sum() > 0 else float(part[-1])
+
+
+def _slope_ahead(rover: Rover, terrain: Terrain, data: xr.Dataset, rows: Any) -> Array:
+    """Return the sine of the slope half a metre ahead: the present slope plus the map's change."""
+    missing = [name for name in ("x", "y", "yaw", "heading") if name not in data]
+    if missing:
+        raise RockerbogieError(f"a forecast with terrain needs positions, and the log has no {missing[0]}: leave the terrain out")
+    x, y, yaw, heading = (data[name].to_numpy()[rows] for name in ("x", "y", "yaw", "heading"))
+    step = heading * AHEAD / 2
+    pose = settle(
+        rover, terrain, x + np.array([[0.0], [1.0]]) * step * np.cos(yaw), y + np.array([[0.0], [1.0]]) * step * np.sin(yaw), yaw
+    )
+    along, across = -np.sin(pose.pitch) * heading, np.cos(pose.pitch) * np.sin(pose.roll)
+    present = [data[name].to_numpy()[rows] for name in ("along", "across")]
+    moved = [now + np.nan_to_num(part[1] - part[0]) for now, part in zip(present, (along, across), strict=True)]
+    return np.asarray(np.hypot(*moved))
+
+
+def _logit(slip: float) -> float:
+    """Return the logit of a slip, limited to where it is finite."""
+    return float(logit(np.clip(slip, SMALLEST, 1 - SMALLEST)))
