@@ -29,7 +29,9 @@ def main(folder: Path) -> None:
         print(name, {key: score.attrs[key] for key in ("warnings", "false_warnings", "passes_limit", "lead")})
         for target in score["target"].values:
             one = score.sel(target=target)
-            print(f"   {target}: {int(one['count'])}, RMSE", dict(zip(score["by"].values, one["rmse"].values.round(4), strict=True)))
+            print(
+                f"   {target}: {int(one['count'])}, RMSE", dict(zip(score["by"].values, one["rmse"].values.round(4), strict=True))
+            )
             print(f"      in band {float(one['coverage']):.2f}")
         print("   warned at", forecast["distance"].values[forecast["warning"].values].round(1).tolist())
         if "first60" not in name:
@@ -39,7 +41,10 @@ def main(folder: Path) -> None:
         sigma = np.sqrt(np.diag(fit.gain_covariance))
         print(f"   level {fit.level:.2f} ± {fit.level_sigma:.2f}, along {fit.gain_along:.1f} ± {sigma[0]:.1f}", end=", ")
         print(f"across {fit.gain_across:.1f} ± {sigma[1]:.1f}, change {fit.change:g} per m, error {fit.error:g}")
-        print("   15°, 20° uphill:", [fit.slip(np.sin(np.radians(d)), last=end).round(2).tolist() for d in (15, 20) for end in (False, True)])
+        print(
+            "   15°, 20° uphill:",
+            [fit.slip(np.sin(np.radians(d)), last=end).round(2).tolist() for d in (15, 20) for end in (False, True)],
+        )
         save(slip_figure(log, forecast, fit), OUT / f"forecast_{name[:8]}.png")
     for target in scores[0]["target"].values:
         counts = np.array([int(s["count"].sel(target=target)) for s in scores])

@@ -1,4 +1,4 @@
-"""Slip forecast and fit: known soils, no use of future rows, calibration, Perseverance's drives."""
+"""Slip forecast and fit: known soils, future rows, calibration, drives on Mars."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def made(slip, along=0.2, across=0.1, spacing=1.0, rows=4):
 
 
 def walk(seed, n=200, change=0.05, error=0.02, start=-1.0):
-    """Return slips whose logit is a random walk between −2.5 and 1.5 with errors: what the filters assume."""
+    """Return slips whose logit is a random walk between −2.5 and 1.5, with errors."""
     rng = np.random.default_rng(seed)
     free = start + np.cumsum(np.sqrt(change) * rng.standard_normal(n))
     folded = np.abs((free + 2.5 + 4.0) % 8.0 - 4.0) - 2.5
