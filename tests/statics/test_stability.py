@@ -113,3 +113,19 @@ def test_a_locked_rover_in_mujoco_tips_at_the_same_tilt() -> None:
         assert np.degrees(tilt_of_loss(mujoco, rover, azimuth, friction, np.radians(expected))) == pytest.approx(
             expected, abs=0.5
         )
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi])
+def test_the_tip_angle_is_signed(heading: float) -> None:
+    """Compare slopes: the angle falls by a degree for each degree of slope, through 0 and below."""
+    rover = rb.load_rover("osr")
+
+    def tip_angle(slope: float) -> rb.Stability:
+        z = np.tan(np.radians(slope)) * np.arange(0.0, 8.0, 0.1)[None, :] * np.ones((60, 1))
+        return rb.stability(rb.settle(rover, rb.Terrain.from_array(z, 0.1, interpolation="linear"), 4.0, 3.0, heading))
+
+    before, after, beyond = tip_angle(45.0), tip_angle(62.0), tip_angle(70.0)
+    assert before.tip_angle == before.tip_margin > 0.0
+    assert after.tip_margin == beyond.tip_margin == 0.0
+    assert after.tip_angle < 0.0
+    assert beyond.tip_angle == pytest.approx(after.tip_angle - np.radians(8.0), abs=1e-3), "gravity turns back by the excess"

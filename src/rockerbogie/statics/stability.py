@@ -13,11 +13,14 @@ from .._kernels.statics import loads as kernel
 from ..arrays import Array
 from ..errors import RockerbogieError
 from ..settling.pose import Pose, checked_gravity
-from .contacts import pack_contacts
+from .contacts import PackedContacts, pack_contacts
 from .loads import wheel_loads
+from .shortfall import shortfall
 
 #: Friction coefficient at which a rover tips rather than slides: a plane of up to 63° holds it.
 GRIP = 2.0
+#: Angle up to which a rover that needs gravity to turn counts as held, rad.
+HELD = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +28,8 @@ class Stability:
     """By how much poses are short of tipping over; NaN without a pose or a solution.
 
     Attributes:
+        tip_angle: (...) `tip_margin` where forces hold the rover; where none do, minus the least angle by which gravity must
+            turn until some do, rad.
         tip_margin: (...) least angle by which gravity must turn until no contact forces hold the rover, rad; 0 if none
             holds it as it stands, π/2 if no turn up to that moves it.
         direction: (...) azimuth in which the centre of mass then starts to move, from +x, counter-clockwise, rad; NaN where
@@ -36,6 +41,7 @@ class Stability:
         wheel_names: names of the six wheels.
     """
 
+    tip_angle: Array
     tip_margin: Array
     direction: Array
     stays: NDArray[np.bool_]
@@ -83,8 +89,11 @@ def stability(pose: Pose, *, gravity: float | None = None, friction: float = GRI
     margin, direction, angle, energy = np.empty((4, n))
     stays, slides = np.empty((n, 6), dtype=bool), np.empty(n, dtype=bool)
     parallel_for(kernel.stability_batch, n, *packed, float(friction), margin, direction, stays, slides, angle, energy)
+    angle_to_hold = _tip_angles(packed, margin, friction)
+    margin[angle_to_hold < 0.0] = 0.0
     shape = pose.shape
     return Stability(
+        tip_angle=angle_to_hold.reshape(shape),
         tip_margin=margin.reshape(shape),
         direction=direction.reshape(shape),
         stays=stays.reshape(*shape, 6),
@@ -93,6 +102,16 @@ def stability(pose: Pose, *, gravity: float | None = None, friction: float = GRI
         energy=(weight * energy).reshape(shape),
         wheel_names=pose.rover.wheel_names,
     )
+
+
+def _tip_angles(packed: PackedContacts, margin: Array, friction: float) -> Array:
+    """Return the margins (n,), negative where no forces hold the rover."""
+    signed = margin.copy()
+    for k in np.flatnonzero(~(margin > 0.0) & ~np.isnan(packed.q[:, 0])):
+        lacking = shortfall(packed, int(k), friction)
+        if lacking > HELD:
+            signed[k] = -lacking
+    return signed
 
 
 def force_values(pose: Pose, names: Collection[str]) -> dict[str, Array]:

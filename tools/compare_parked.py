@@ -1,0 +1,175 @@
+"""Compare required friction with MuJoCo: parked rovers on planes and rocks, wheels locked, at falling friction.
+
+    python tools/compare_parked.py --poses 200 --seed 0
+
+Each rover has thin wheels, fixed to their links; rockers, bogies and the differential move. Under each wheel lies the plane that is
+tangent to the terrain at its contact, so that both models have the same contact normals. Bisection finds the friction
+coefficient below which a wheel slides.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import rockerbogie as rb
+from rockerbogie.simulation.mjcf import add_mechanism, empty_spec
+
+ROVERS = ("curiosity", "osr", "sawppy")
+#: Ranges of the slope of planes, and of required friction, that are compared.
+SLOPES, FRICTIONS = (np.radians(5.0), np.radians(35.0)), (0.05, 1.2)
+#: Time step, time in which gravity sets in, and time in which the rover may slide, s.
+STEP, SETTLING, WATCHED = 0.002, 0.4, 1.2
+#: Share of the wheelbase that the body moves, or angle by which a joint turns, if a wheel slides, rad.
+SLID = 0.004
+#: Bounds of the bisection, relative to the required friction, and its steps.
+BOUNDS, HALVINGS = (0.6, 1.5), 7
+
+
+class Parked:
+    """A rover with locked wheels in MuJoCo, each on its own plane."""
+
+    def __init__(self, rover: rb.Rover, pose: rb.Pose) -> None:
+        import mujoco
+
+        self.mujoco, self.wheelbase = mujoco, rover.wheelbase
+        spec = empty_spec("parked")
+        spec.option.timestep = STEP
+        points, normals = pose.contact_point.reshape(6, 3), pose.contact_normal.reshape(6, 3)
+        for i, (point, normal) in enumerate(zip(points, normals, strict=True)):
+            place: dict[str, Any] = {"pos": point - [float(pose.x), float(pose.y), 0.0], "quat": _turn_up_to(normal)}
+            bits = {"contype": 2 << i, "conaffinity": 0, "priority": -1}
+            spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5, 5, 1], **place, **bits)
+        base = spec.worldbody.add_body(name="body")
+        base.add_freejoint(name="free")
+        add_mechanism(spec, rover, base, friction=1.0, wheel_joints=False)
+        names = [f"wheel_{name}" for name in rover.wheel_names]
+        for geom in spec.geoms:
+            if geom.name in names or geom.name == "body":
+                geom.contype, geom.conaffinity = 0, (2 << names.index(geom.name) if geom.name in names else 0)
+        self.model = spec.compile()
+        self.start = mujoco.MjData(self.model)
+        w, x, y, z = _quaternion(float(pose.roll), float(pose.pitch), float(pose.yaw))
+        self.start.qpos[:7] = [0.0, 0.0, float(pose.z), w, x, y, z]
+        right = float(rover.right_rocker(float(pose.rocker)))
+        angles = {"rocker_left": float(pose.rocker), "rocker_right": right}
+        angles |= {f"bogie_{side}": float(pose.bogie[k]) for k, side in enumerate(("left", "right"))}
+        for name, angle in angles.items():
+            self.start.qpos[self.model.joint(name).qposadr[0]] = angle
+        mujoco.mj_forward(self.model, self.start)
+        self.wheels = [self.model.geom(name).id for name in names]
+
+    def slides(self, friction: float) -> bool:
+        """Return True if a wheel slides at a friction coefficient."""
+        mujoco, model = self.mujoco, self.model
+        data = mujoco.MjData(model)
+        data.qpos[:] = self.start.qpos
+        model.geom_friction[self.wheels, 0] = friction
+        gravity = 9.81
+        for n in range(int((SETTLING + WATCHED) / STEP)):
+            model.opt.gravity[2] = -gravity * min(1.0, n * STEP / SETTLING)
+            mujoco.mj_step(model, data)
+            moved = data.qpos - self.start.qpos
+            if np.linalg.norm(moved[:3]) > SLID * self.wheelbase or np.abs(moved[7:]).max() > SLID:
+                return True
+        return False
+
+
+def _turn_up_to(normal: np.ndarray) -> np.ndarray:
+    """Return the quaternion (w, x, y, z) that turns the vertical to a normal."""
+    q = np.array([1.0 + normal[2], -normal[1], normal[0], 0.0])
+    return q / np.linalg.norm(q)
+
+
+def _quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
+    """Return the quaternion (w, x, y, z) of Rz(yaw) Ry(pitch) Rx(roll)."""
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_quat()
+    return w, x, y, z
+
+
+def threshold(parked: Parked, required: float) -> float:
+    """Return the friction coefficient, relative to the required one, at which the rover begins to slide; NaN out of bounds."""
+    low, high = BOUNDS
+    if not parked.slides(low * required) or parked.slides(high * required):
+        return np.nan
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        if parked.slides(middle * required):
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
+def draw_pose(rng: np.random.Generator, rover: rb.Rover, ground: str) -> rb.Pose | None:
+    """Return a random pose on a plane or on rocks, or None if it is not one to compare."""
+    size = 2.5 * rover.wheelbase
+    yaw = rng.uniform(0, 2 * np.pi)
+    if ground == "planes":
+        slope, way = np.tan(rng.uniform(*SLOPES)), rng.uniform(0, 2 * np.pi)
+        at = np.arange(-size, size + 0.05, size / 10)
+        z = slope * (np.cos(way) * at[None, :] + np.sin(way) * at[:, None])
+        terrain = rb.Terrain.from_array(z, size / 10, (-size, -size), "linear")
+        pose = rb.settle(rover, terrain, 0.0, 0.0, yaw)
+    else:
+        terrain = rb.surfaces.rocks(seed=int(rng.integers(1000)))
+        xmin, ymin, xmax, ymax = terrain.bounds
+        room = 1.2 * rover.wheelbase
+        pose = rb.settle(rover, terrain, rng.uniform(xmin + room, xmax - room), rng.uniform(ymin + room, ymax - room), yaw)
+    if pose.status != rb.Status.CONVERGED or np.any(pose.joint_stop):
+        return None
+    loads = rb.wheel_loads(pose)
+    return pose if FRICTIONS[0] < float(loads.required_friction) < FRICTIONS[1] else None
+
+
+def compare(case: tuple[str, str, int, int]) -> list[float]:
+    """Return the relative thresholds of some random poses of a rover."""
+    name, ground, poses, seed = case
+    rng = np.random.default_rng([seed, ROVERS.index(name), ground == "rocks"])
+    rover = rb.load_rover(name).replace(wheel_width=0.0, masses="keep")
+    found = []
+    while len(found) < poses:
+        pose = draw_pose(rng, rover, ground)
+        if pose is not None:
+            found.append(threshold(Parked(rover, pose), float(rb.wheel_loads(pose).required_friction)))
+    return found
+
+
+def main() -> None:
+    """Run the comparison and print its table."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
+    parser.add_argument("--poses", type=int, default=200, help="poses of each rover on each kind of terrain")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--output", type=Path, help="write the thresholds as JSON")
+    options = parser.parse_args()
+    cases = [(name, ground, options.poses, options.seed) for ground in ("planes", "rocks") for name in ROVERS]
+    with multiprocessing.Pool() as pool:
+        results = pool.map(compare, cases, chunksize=1)
+    print(
+        "| terrain | rover | poses | median | 90 % within | worst | not bracketed | within 5 % | within 10 % |\n"
+        + "|---" * 9
+        + "|"
+    )
+    for (name, ground, poses, _), found in zip(cases, results, strict=True):
+        error = np.abs(np.array(found) - 1.0)
+        lost = int(np.isnan(error).sum())
+        shares = [f"{100 * np.mean(error <= bound):.1f} %" for bound in (0.05, 0.10)]
+        spread = [f"{100 * value:.1f} %" for value in (np.nanquantile(error, 0.9), np.nanmax(error))]
+        print(
+            f"| {ground} | {name} | {poses} | {np.nanmedian(found):.3f} | {spread[0]} | {spread[1]} | {lost} | {shares[0]} | {shares[1]} |"
+        )
+    if options.output:
+        if options.output.exists():
+            raise SystemExit(f"{options.output} exists: give another name")
+        options.output.write_text(json.dumps([[*case, found] for case, found in zip(cases, results, strict=True)]))
+
+
+if __name__ == "__main__":
+    main()
