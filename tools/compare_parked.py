@@ -2,9 +2,9 @@
 
     python tools/compare_parked.py --poses 200 --seed 0
 
-Each rover has thin wheels, fixed to their links; rockers, bogies and the differential move. Under each wheel lies the plane that is
-tangent to the terrain at its contact, so that both models have the same contact normals. Bisection finds the friction
-coefficient below which a wheel slides.
+Each rover has thin wheels, fixed to their links; rockers, bogies and the differential move. Under each wheel lies the plane
+that is tangent to the terrain at its contact, so that both models have the same contact normals. Bisection finds the
+friction coefficient below which a wheel slides.
 """
 
 from __future__ import annotations
@@ -152,19 +152,15 @@ def main() -> None:
     cases = [(name, ground, options.poses, options.seed) for ground in ("planes", "rocks") for name in ROVERS]
     with multiprocessing.Pool() as pool:
         results = pool.map(compare, cases, chunksize=1)
-    print(
-        "| terrain | rover | poses | median | 90 % within | worst | not bracketed | within 5 % | within 10 % |\n"
-        + "|---" * 9
-        + "|"
-    )
+    columns = ("terrain", "rover", "poses", "median", "90 % within", "worst", "not bracketed", "within 5 %", "within 10 %")
+    print("| " + " | ".join(columns) + " |\n" + "|---" * len(columns) + "|")
     for (name, ground, poses, _), found in zip(cases, results, strict=True):
         error = np.abs(np.array(found) - 1.0)
         lost = int(np.isnan(error).sum())
         shares = [f"{100 * np.mean(error <= bound):.1f} %" for bound in (0.05, 0.10)]
         spread = [f"{100 * value:.1f} %" for value in (np.nanquantile(error, 0.9), np.nanmax(error))]
-        print(
-            f"| {ground} | {name} | {poses} | {np.nanmedian(found):.3f} | {spread[0]} | {spread[1]} | {lost} | {shares[0]} | {shares[1]} |"
-        )
+        cells = (ground, name, poses, f"{np.nanmedian(found):.3f}", *spread, lost, *shares)
+        print("| " + " | ".join(map(str, cells)) + " |")
     if options.output:
         if options.output.exists():
             raise SystemExit(f"{options.output} exists: give another name")
