@@ -38,9 +38,12 @@ def main(folder: Path) -> None:
             continue
         scores.append(score)
         fit = rb.fit_soil(rover, None, log)
-        sigma = np.sqrt(np.diag(fit.gain_covariance))
-        print(f"   level {fit.level:.2f} ± {fit.level_sigma:.2f}, along {fit.gain_along:.1f} ± {sigma[0]:.1f}", end=", ")
-        print(f"across {fit.gain_across:.1f} ± {sigma[1]:.1f}, change {fit.change:g} per m, error {fit.error:g}")
+        sigma = np.sqrt(np.diag(fit.curve.gain_covariance))
+        print(
+            f"   level {fit.curve.level:.2f} ± {fit.curve.level_sigma:.2f}, along {fit.curve.gain_along:.1f} ± {sigma[0]:.1f}",
+            end=", ",
+        )
+        print(f"across {fit.curve.gain_across:.1f} ± {sigma[1]:.1f}, change {fit.change:g} per m, error {fit.curve.error:g}")
         print(
             "   15°, 20° uphill:",
             [fit.slip(np.sin(np.radians(d)), last=end).round(2).tolist() for d in (15, 20) for end in (False, True)],

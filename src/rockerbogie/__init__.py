@@ -44,6 +44,8 @@ if TYPE_CHECKING:
     from .maps.limits import Limits as Limits
     from .maps.plan import plan as plan
     from .maps.plan import reachability as reachability
+    from .maps.slip import SlipCost as SlipCost
+    from .maps.slip import slip_layers as slip_layers
     from .maps.traversability import traversability as traversability
     from .motion.body_twist import Motion as Motion
     from .motion.body_twist import Noise as Noise
@@ -65,6 +67,7 @@ if TYPE_CHECKING:
     from .motion.path_files import read_route as read_route
     from .motion.slip import Slip as Slip
     from .motion.slip import wheel_slip as wheel_slip
+    from .motion.soil_slip import SoilSlip as SoilSlip
     from .motion.wheel_commands import Commands as Commands
     from .motion.wheel_commands import arc as arc
     from .motion.wheel_commands import commands_along as commands_along
@@ -228,6 +231,9 @@ _EXPORTS = {
     "read_slip_log": "logs.slip_log",
     "fit_soil": "logs.slip_fit",
     "SoilFit": "logs.slip_fit",
+    "SoilSlip": "motion.soil_slip",
+    "SlipCost": "maps.slip",
+    "slip_layers": "maps.slip",
     "slip_table": "logs.slip_table",
     "forecast_slip": "logs.forecast",
     "score_forecast": "logs.forecast_score",

@@ -192,10 +192,10 @@ def test_fit_recovers_a_known_slip_curve(rover):
     column[rows - 1 :: rows] = slip
     log = log.assign(slip=("row", column), along=("row", along), across=("row", across))
     fit = rb.fit_soil(rover, None, log)
-    sigma = np.sqrt(np.diag(fit.gain_covariance))
+    sigma = np.sqrt(np.diag(fit.curve.gain_covariance))
     assert sigma.max() < 0.5
-    assert abs(fit.gain_along - 8.0) < 3 * sigma[0]
-    assert abs(fit.gain_across - 3.0) < 3 * sigma[1]
+    assert abs(fit.curve.gain_along - 8.0) < 3 * sigma[0]
+    assert abs(fit.curve.gain_across - 3.0) < 3 * sigma[1]
     assert_close(fit.slip(0.25, 0.0)[1], expit(-0.5), 0.03, "1", "the curve itself")
     assert (np.diff(fit.slip(0.25, 0.1)) > 0).all(), "quantiles ascend"
     past = fit.data["gain_past_sigma"].values

@@ -18,8 +18,9 @@ from ..logs.forecast import LIMIT, THRESHOLD, forecast_slip
 from ..logs.forecast_score import score_forecast
 from ..logs.slip_fit import SoilFit
 from ..logs.slip_fit import fit_soil as fit
-from ..logs.slip_log import read_slip_log
+from ..logs.slip_log import last_of_each, read_slip_log
 from ..logs.slip_table import slip_table, write_slip_table
+from ..motion.soil_slip import CURVE, END_CURVE
 from ..rover.formats import load_rover
 from .common import Folder, Force, Json, Linear, RoverName, guard_outputs, in_folder, make_folder, print_json, progress
 from .rasters import Raster, load_terrain
@@ -111,18 +112,15 @@ def _summary(
     """Return the results as JSON's types."""
     found: dict[str, Any] = {
         "source": forecast.attrs["source"], "log": data.attrs["log"], "rover": forecast.attrs["rover"],
-        "measurements": int(np.isfinite(data["slip"]).sum()), "wheel_travel": float(data["distance"][-1]),
+        "measurements": len(last_of_each(data["distance"].to_numpy(), data["slip"].to_numpy())),
+        "wheel_travel": float(data["distance"][-1]),
         "limit": forecast.attrs["limit"], "threshold": forecast.attrs["threshold"],
     }  # fmt: skip
     if curve is None:
-        found["curve"], found["no_curve_because"] = None, reason
+        found |= {CURVE: None, END_CURVE: None, "no_curve_because": reason}
     else:
-        found["curve"] = {
-            "level": curve.level, "level_sigma": curve.level_sigma,
-            "last_level": curve.last_level, "last_sigma": curve.last_sigma,
-            "gain_along": curve.gain_along, "gain_across": curve.gain_across, "gain_covariance": curve.gain_covariance,
-            "change": curve.change, "error": curve.error, "linear": list(curve.linear),
-        }  # fmt: skip
+        found |= {CURVE: curve.curve.to_dict(), END_CURVE: curve.at_end.to_dict()}
+        found |= {"change": curve.change, "linear": list(curve.linear)}
     if score is not None:
         found["score"] = {
             str(target): {
@@ -182,10 +180,11 @@ def _print(summary: dict[str, Any], curve: SoilFit | None, score: xr.Dataset | N
     if curve is None:
         console.print(f"no slip curve: {summary['no_curve_because']}", markup=False)
     else:
-        sigma = np.sqrt(np.diag(curve.gain_covariance))
+        law = curve.curve
+        sigma = np.sqrt(np.diag(law.gain_covariance))
         console.print(
-            f"logit(slip) = {curve.level:.2f} ± {curve.level_sigma:.2f} + ({curve.gain_along:.1f} ± {sigma[0]:.1f}) sin(along)"
-            f" + ({curve.gain_across:.1f} ± {sigma[1]:.1f}) |sin(across)|",
+            f"logit(slip) = {law.level:.2f} ± {law.level_sigma:.2f} + ({law.gain_along:.1f} ± {sigma[0]:.1f}) sin(along) "
+            f"+ ({law.gain_across:.1f} ± {sigma[1]:.1f}) |sin(across)|",
             markup=False,
         )
         _print_curve(console, curve)

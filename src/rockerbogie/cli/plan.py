@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from cyclopts import Parameter
@@ -14,8 +14,10 @@ from ..maps.files import check_place, read_map, write_map
 from ..maps.plan import USUAL_SPEED, reachability
 from ..maps.plan import plan as plan_route
 from ..maps.preview import overview
+from ..maps.slip import SlipCost
 from ..motion.path_files import Route
 from ..motion.route_package import read_line
+from ..motion.soil_slip import SoilSlip
 from ..rover.formats import load_rover
 from ..vectors import require_vectors
 from .common import Force, Json, guard_outputs, make_folder, print_json, progress
@@ -41,6 +43,10 @@ def plan(
     keep_out: Path | None = None,
     keep_out_margin: float | None = None,
     cost: Path | None = None,
+    soil: Path | None = None,
+    slip_limit: float = 0.8,
+    slip_risk: float = 0.1,
+    minimise: Literal["time", "energy"] = "time",
     reach: Path | None = None,
     speed: float = USUAL_SPEED,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
@@ -83,6 +89,15 @@ def plan(
         Distance that the rover's reference point keeps from them, m. Default: the rover's own radius.
     cost
         Extra cost per metre, from 0: a vector file with a column `cost`, or a raster.
+    soil
+        The fit_soil.json of `rockerbogie fit-soil`: a metre then costs its expected wheel travel, by the slip curve of the soil
+        at the end of that drive, and steep soil is avoided.
+    slip_limit
+        Slip that is to be avoided.
+    slip_risk
+        Largest probability of more slip than that at a pose of the route.
+    minimise
+        time: wheel travel. energy: motor work, with a rolling resistance of a tenth of the weight. With --soil only.
     reach
         Also write the part of the map that the rover can reach from the start, and the cost: .tif, .nc or .zarr. Needs no goal.
     speed
@@ -117,7 +132,7 @@ def plan(
         check_place(reach)
     picture = None if output is None or not preview else output.with_suffix(".png")
     written = [file for file in (output, picture, reach) if file is not None]
-    guard_outputs(written, map_file, rover, terrain, goals, keep_out, cost, force=force)
+    guard_outputs(written, map_file, rover, terrain, goals, keep_out, cost, soil, force=force)
     ends = _goals(goals, via, None if goal is None else _state(goal, goal_heading))
     if not ends and reach is None:
         raise RockerbogieError("no goal: give --goal X Y, a file of --goals, or --reach for the reachable part of the map")
@@ -125,6 +140,7 @@ def plan(
     options: dict[str, Any] = {
         "rover": None if rover is None else load_rover(rover), "keep_out": keep_out, "keep_out_margin": keep_out_margin,
         "cost": cost, "tilt_weight": tilt_weight, "turn_cost": turn_cost, "turn_in_place": turn_in_place, "backward": backward,
+        "slip": None if soil is None else SlipCost(SoilSlip.from_json(soil), slip_limit, slip_risk, minimise),
     }  # fmt: skip
     with progress() as bar:
         bar.add_task("planning", total=None)

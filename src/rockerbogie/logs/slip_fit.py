@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import expit, logit, ndtri
+from scipy.special import expit, logit
 
 from .._version import __version__
 from ..arrays import Array
 from ..errors import RockerbogieError, expect
+from ..motion.soil_slip import SoilSlip
 from ..rover.model import LOAD_ROVER, Rover
 from ..terrain.heightfield import Terrain
 from .forecast import CHANGES, ERRORS, POSITION_ERROR, SMALLEST, START, slip_log_of
@@ -30,22 +31,15 @@ FEWEST = 4
 
 @dataclass(frozen=True)
 class SoilFit:
-    """Slip curve of a soil from `fit_soil`.
+    """Slip curves of a drive's soil from `fit_soil`.
 
-    logit(slip) = level + gain_along · along + gain_across · |across|, where along and across are the sines of the slope in the
-    direction of travel and across it. The gains are constant, the level changes along the drive.
+    The gains on the slope are constant along the drive, the level changes.
     """
 
     rover: str
-    level: float  # mean over the drive, of the level from the whole drive
-    level_sigma: float  # standard deviation: change along the drive and error of the fit
-    last_level: float  # at the last measurement, past data only
-    last_sigma: float
-    gain_along: float
-    gain_across: float
-    gain_covariance: Array  # (2, 2)
+    curve: SoilSlip  # soil of the whole drive; its band contains the change along it
+    at_end: SoilSlip  # soil at the last measurement, past data only
     change: float  # variance of the level's change per metre
-    error: float  # variance of a measurement's logit
     linear: tuple[float, float]  # along and across of the `SlopeSlip` nearest to the measurements
     data: xr.Dataset  # over `measurement`: see `fit_soil`
 
@@ -63,18 +57,7 @@ class SoilFit:
         Returns:
             (..., k) slips.
         """
-        u, v = np.broadcast_arrays(np.asarray(along, dtype=float), np.abs(np.asarray(across, dtype=float)))
-        gradient = np.stack([u, v], axis=-1)
-        level, sigma = (self.last_level, self.last_sigma) if last else (self.level, self.level_sigma)
-        mean = level + gradient @ np.array([self.gain_along, self.gain_across])
-        centre = gradient - self._centre  # where the level and the gains are independent
-        spread = np.sqrt(sigma**2 + np.einsum("...i,ij,...j->...", centre, self.gain_covariance, centre) + self.error)
-        return np.asarray(expit(mean[..., None] + spread[..., None] * ndtri(np.asarray(quantiles, dtype=float))))
-
-    @property
-    def _centre(self) -> Array:
-        """Return mean along and |across| (2,) of the measurements."""
-        return np.array([float(self.data["along"].mean()), float(np.abs(self.data["across"]).mean())])
+        return (self.at_end if last else self.curve).slip(along, across, quantiles=quantiles)
 
 
 def fit_soil(rover: Rover, terrain: Terrain | None, log: str | Path | xr.Dataset) -> SoilFit:
@@ -115,17 +98,21 @@ def fit_soil(rover: Rover, terrain: Terrain | None, log: str | Path | xr.Dataset
     centre = np.concatenate([[1.0], H[:, 1:].mean(axis=0)])
     fitted_error = float(np.mean([centre @ P @ centre for P in smooth_covariance]))
     last_error = float(centre @ covariances[-1] @ centre)
+    (a, b), (_, c) = gain_covariance.tolist()
+    across = np.abs(table["across"])
+    curve = SoilSlip(
+        level=float(level_here.mean()), level_sigma=float(np.sqrt(level_here.var() + fitted_error)),
+        gain_along=float(gains[0]), gain_across=float(gains[1]), gain_covariance=((a, b), (b, c)),
+        centre=(float(centre[1]), float(centre[2])), error=error,
+        along_range=(float(table["along"].min()), float(table["along"].max())),
+        across_range=(float(across.min()), float(across.max())),
+    )  # fmt: skip
+    last = float(means[-1] @ centre - gains @ centre[1:])
     return SoilFit(
         rover=rover.name,
-        level=float(level_here.mean()),
-        level_sigma=float(np.sqrt(level_here.var() + fitted_error)),
-        last_level=float(means[-1, 0] + (means[-1, 1:] - gains) @ centre[1:]),
-        last_sigma=float(np.sqrt(last_error)),
-        gain_along=float(gains[0]),
-        gain_across=float(gains[1]),
-        gain_covariance=gain_covariance,
+        curve=curve,
+        at_end=replace(curve, level=last, level_sigma=float(np.sqrt(last_error))),
         change=change,
-        error=error,
         linear=_linear(table["slip"], table["along"], table["across"]),
         data=_fit_data(table, H, means, covariances, smooth, smooth_covariance),
     )

@@ -12,18 +12,20 @@ from numpy.typing import ArrayLike
 
 from .._version import __version__
 from ..errors import RockerbogieError
+from ..motion.soil_slip import SoilSlip
 from .slip_fit import SoilFit
 
 if TYPE_CHECKING:
     import xarray as xr
 
+Soil = SoilFit | SoilSlip
 SLOPES = np.radians(np.arange(0.0, 25.1, 2.5))
 HEADINGS = np.radians(np.arange(0.0, 180.1, 45.0))
 QUANTILES = (0.1, 0.5, 0.9)
 
 
 def slip_table(
-    soils: SoilFit | Mapping[str, SoilFit],
+    soils: Soil | Mapping[str, Soil],
     slopes: ArrayLike = SLOPES,
     headings: ArrayLike = HEADINGS,
     *,
@@ -32,7 +34,7 @@ def slip_table(
     """Tabulate slip by slope, heading and soil.
 
     Args:
-        soils: a fitted slip curve, or several by name.
+        soils: a result of `fit_soil` (then the soil of the whole drive counts) or a `SoilSlip`, or several by name.
         slopes: (n,) angles of the steepest ascent, rad, 0 to π/2.
         headings: (m,) angles from straight uphill, rad: 0 uphill, π/2 across, π downhill.
         quantiles: probabilities of the quantiles.
@@ -46,9 +48,10 @@ def slip_table(
     """
     import xarray as xr
 
-    named = {"soil": soils} if isinstance(soils, SoilFit) else dict(soils)
-    if not named or not all(isinstance(fit, SoilFit) for fit in named.values()):
+    given = {"soil": soils} if isinstance(soils, SoilFit | SoilSlip) else dict(soils)
+    if not given or not all(isinstance(fit, SoilFit | SoilSlip) for fit in given.values()):
         raise RockerbogieError("a slip table needs fitted soils: give the result of fit_soil, or a dict of names and results")
+    named = {name: fit.curve if isinstance(fit, SoilFit) else fit for name, fit in given.items()}
     slope, heading = (np.atleast_1d(np.asarray(angle, dtype=float)) for angle in (slopes, headings))
     if not (np.isfinite(slope).all() and (slope >= 0).all() and (slope < np.pi / 2).all() and np.isfinite(heading).all()):
         raise RockerbogieError(
@@ -56,18 +59,9 @@ def slip_table(
         )
     along = np.sin(slope)[:, None] * np.cos(heading)
     across = np.sin(slope)[:, None] * np.sin(heading)
-    slip = np.stack([fit.slip(along, across, quantiles=quantiles) for fit in named.values()])
-    ranges = [_range(fit) for fit in named.values()]
+    slip = np.stack([curve.slip(along, across, quantiles=quantiles) for curve in named.values()])
     margin = np.sin(np.radians(2.0))
-    outside = np.stack(
-        [
-            (along < low[0] - margin)
-            | (along > high[0] + margin)
-            | (np.abs(across) < low[1] - margin)
-            | (np.abs(across) > high[1] + margin)
-            for low, high in ranges
-        ]
-    )
+    outside = np.stack([curve.outside(along, across, margin) for curve in named.values()])
     over = ("soil", "slope", "heading")
     return xr.Dataset(
         {
@@ -106,9 +100,3 @@ def write_slip_table(table: xr.Dataset, file: Path) -> Path:
                     outside = "yes" if one["outside"].to_numpy()[i, j] else "no"
                     writer.writerow([soil, f"{slope:g}", f"{heading:g}", *(f"{slip:.3f}" for slip in slips), outside])
     return file
-
-
-def _range(fit: SoilFit) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the least and greatest along and |across| of the measurements."""
-    along, across = fit.data["along"].to_numpy(), np.abs(fit.data["across"].to_numpy())
-    return (float(along.min()), float(across.min())), (float(along.max()), float(across.max()))

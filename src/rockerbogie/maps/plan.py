@@ -21,6 +21,7 @@ from .layers import REACH
 from .moves import graph, grid_steps, moves, turning_radius, turns_in_place
 from .overlays import cost_cells, keep_out_cells
 from .search import reach_from, through
+from .slip import SlipCost, slip_states
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -56,6 +57,7 @@ class _Problem(NamedTuple):
     costs: Any  # sparse (states, states): cost of each move, m
     number: NDArray[np.int32]  # (n, rows, cols) of each state in the graph; -1 where it is not passable
     rover: Rover | None
+    travel: Array | None  # (n, rows, cols) expected wheel travel per metre; None without slip
 
 
 def plan(
@@ -72,6 +74,7 @@ def plan(
     turn_in_place: bool | None = None,
     backward: bool = False,
     speed: float = USUAL_SPEED,
+    slip: SlipCost | None = None,
 ) -> Route:
     """Compute the least-cost route from `start` to one goal, or to several goals in order.
 
@@ -97,6 +100,9 @@ def plan(
         turn_in_place: overrides how the rover turns.
         backward: allow driving backwards.
         speed: of the wheels, for the times of the route, m/s.
+        slip: slip curve of the soil: states at which it exceeds its limit too probably are not passable, and a metre costs its
+            expected wheel travel (or energy) instead of 1; times count the wheel travel. Use `tilt_weight=0` for least time or
+            energy alone.
 
     Returns:
         The route, with the goal that each pose leads to.
@@ -107,7 +113,7 @@ def plan(
     """
     if not (np.isfinite(speed) and speed > 0):
         raise RockerbogieError(f"speed is {speed} m/s; give one above 0")
-    problem = _problem(maps, rover, keep_out, keep_out_margin, cost, tilt_weight, turn_cost, turn_in_place, backward)
+    problem = _problem(maps, rover, keep_out, keep_out_margin, cost, tilt_weight, turn_cost, turn_in_place, backward, slip)
     goals = _goals(goal)
     names = ["the goal"] if len(goals) == 1 else [f"goal {k}" for k in range(1, len(goals) + 1)]
     places = zip([start, *goals], ["the start", *names], strict=True)
@@ -138,11 +144,13 @@ def reachability(
     turn_cost: float = 1.0,
     turn_in_place: bool | None = None,
     backward: bool = False,
+    slip: SlipCost | None = None,
 ) -> xr.Dataset:
     """Compute which cells of a map a rover can reach from a position, and at what cost.
 
     Args:
-        maps, start, rover, keep_out, keep_out_margin, cost, tilt_weight, turn_cost, turn_in_place, backward: as `plan`.
+        maps, start, rover, keep_out, keep_out_margin, cost, tilt_weight, turn_cost, turn_in_place, backward, slip: as
+            `plan`.
 
     Returns:
         Dataset over (y, x) that `write_map` writes. `reachable` is the share of the map's headings at which the rover can come
@@ -156,7 +164,7 @@ def reachability(
     import xarray as xr
 
     source = _opened(maps)
-    problem = _problem(source, rover, keep_out, keep_out_margin, cost, tilt_weight, turn_cost, turn_in_place, backward)
+    problem = _problem(source, rover, keep_out, keep_out_margin, cost, tilt_weight, turn_cost, turn_in_place, backward, slip)
     begin = [int(problem.number[state]) for state in _states(problem.layers, start, "the start")]
     least = np.full(problem.number.shape, np.inf)
     least[problem.number >= 0] = reach_from(problem.costs, begin)
@@ -177,7 +185,7 @@ def reachability(
 
 def _problem(
     maps: xr.Dataset | str | FilePath, rover: Rover | None, keep_out: Any, margin: float | None, cost: Any,
-    tilt_weight: float, turn_cost: float, turn_in_place: bool | None, backward: bool,
+    tilt_weight: float, turn_cost: float, turn_in_place: bool | None, backward: bool, slip: SlipCost | None,
 ) -> _Problem:  # fmt: skip
     """Build the graph of a map's states."""
     for name, value in (("tilt_weight", tilt_weight), ("turn_cost", turn_cost)):
@@ -194,9 +202,18 @@ def _problem(
     risk = np.where(layers.passable, tilt_weight * (layers.tilt / limit) ** 2, 0.0).astype(np.float32)
     if cost is not None:
         risk = risk + cost_cells(source, cost).astype(np.float32)
+    travel = None
+    if slip is not None:
+        expect(slip, SlipCost, "slip", "make one with rockerbogie.SlipCost(soil)")
+        if backward:
+            raise RockerbogieError("a plan with slip drives ahead only, because a slope is steeper one way: leave backward out")
+        states = slip_states(source, slip)
+        layers = layers._replace(passable=layers.passable & states.allowed)
+        risk = np.where(layers.passable, risk + states.price - 1.0, 0.0).astype(np.float32)
+        travel = states.travel
     ways = moves(layers.heading, layers.cell, in_place, radius, backward)
     costs, number = graph(layers.passable, risk, ways, turn_cost)
-    return _Problem(layers, costs, number, machine)
+    return _Problem(layers, costs, number, machine, travel)
 
 
 def _radius(rover: Rover | None) -> float:
@@ -326,7 +343,8 @@ def _route_of(problem: _Problem, states: list[State], cost: Array, goal: NDArray
     k, row, col = (np.array(v) for v in zip(*states, strict=True))
     x, y, yaw = layers.x[col], layers.y[row], np.unwrap(layers.heading[k])
     tilt, clearance = (np.asarray(values[k, row, col], dtype=float) for values in (layers.tilt, layers.clearance))
-    poses = [(x[0], y[0], yaw[0], cost[0], tilt[0], clearance[0], goal[0])]
+    travel = np.ones(len(k)) if problem.travel is None else problem.travel[k, row, col]
+    poses = [(x[0], y[0], yaw[0], cost[0], tilt[0], clearance[0], goal[0], travel[0])]
     for n in range(1, len(states)):
         moved = np.array([x[n] - x[n - 1], y[n] - y[n - 1]])
         if moved.any() and k[n] != k[n - 1]:
@@ -334,13 +352,14 @@ def _route_of(problem: _Problem, states: list[State], cost: Array, goal: NDArray
             turning = [k[n - 1], k[n]]
             most, least = np.nanmax(layers.tilt[turning, up, across]), np.fmin.reduce(layers.clearance[turning, up, across])
             middle = ((yaw[n] + yaw[n - 1]) / 2, (cost[n] + cost[n - 1]) / 2)
-            poses.append((layers.x[across], layers.y[up], *middle, most, least, goal[n]))
-        poses.append((x[n], y[n], yaw[n], cost[n], tilt[n], clearance[n], goal[n]))
-    px, py, facing, price, tilts, room, leads_to = np.array(poses, dtype=float).T
+            poses.append((layers.x[across], layers.y[up], *middle, most, least, goal[n], (travel[n] + travel[n - 1]) / 2))
+        poses.append((x[n], y[n], yaw[n], cost[n], tilt[n], clearance[n], goal[n], travel[n]))
+    px, py, facing, price, tilts, room, leads_to, stretch = np.array(poses, dtype=float).T
     steps = np.hypot(np.diff(px), np.diff(py))
+    rolled = steps * (stretch[1:] + stretch[:-1]) / 2  # wheel travel
     distance = np.concatenate([[0.0], np.cumsum(steps)])
     # a turn on the spot takes as long as the outermost wheel needs at this speed
-    spent = np.where(steps > 0, steps, np.abs(np.diff(facing)) * (_radius(problem.rover) or 1.0)) / speed
+    spent = np.where(steps > 0, rolled, np.abs(np.diff(facing)) * (_radius(problem.rover) or 1.0)) / speed
     time = np.concatenate([[0.0], np.cumsum(spent)])
     about = (layers.crs, layers.rover)
     return Route(px, py, facing, distance, price, tilts, *about, room, time, leads_to.astype(np.int64))
