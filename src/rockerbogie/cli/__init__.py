@@ -30,6 +30,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "plan": ("rockerbogie.cli.plan:plan", "Compute the least-cost route over a map from `rockerbogie map`."),
     "odometry": ("rockerbogie.cli.odometry:odometry", "Compute 3-D odometry from a log of joint sensors."),
     "fit-soil": ("rockerbogie.cli.fit_soil:fit_soil", "Fit a slip curve to a drive's log, forecast its slip, and warn."),
+    "ros": ("rockerbogie.cli.ros:ros", "Run a ROS 2 node: odometry, wheel commands and state of a rover."),
     "validate": ("rockerbogie.cli.validate:validate", "Compare predicted with logged attitude, with an uncertainty band."),
     "benchmark": ("rockerbogie.cli.benchmark:app", "Score attitudes predicted by this or another program against flown ones."),
     "bench": ("rockerbogie.cli.bench:bench", "Time settling, as ratios to the paper's method and MuJoCo in the same run."),

@@ -1,0 +1,1 @@
+"""ROS 2 node of a rover: odometry, wheel commands and state (docs/ros.md)."""

@@ -1,0 +1,157 @@
+"""Diagnoses of the node: sensors, pose, tip margin, slip and commands."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any, Protocol
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from ..arrays import Array
+from ..logs.odometry_filter import Estimate
+from ..motion.wheel_controller import WheelCommand, WheelController
+from .intake import Intake
+from .messages import ERROR, OK, STALE, WARN, status
+
+#: Speed below which slip is not judged, m/s.
+STANDING = 5e-3
+
+
+class Diagnosed(Protocol):
+    """Node that is diagnosed."""
+
+    intake: Intake
+    controller: WheelController
+    estimate: Estimate | None
+    command: WheelCommand | None
+    received: Counter[str]  # messages by kind
+    failures: int  # rows that the filter refused
+    joints_at: float  # time of the last joint state, s
+    wanted: Array  # (3,) vx, vy, ωz of the last twist
+
+    def now(self) -> float:
+        """Return the node's time.
+
+        Returns:
+            s.
+        """
+
+    def value(self, name: str) -> Any:
+        """Return a parameter.
+
+        Args:
+            name: one of `PARAMETERS`.
+
+        Returns:
+            Its value.
+        """
+
+
+def diagnoses(node: Diagnosed) -> list[DiagnosticStatus]:
+    """Return the state of the rover and of its sensors.
+
+    Args:
+        node: a configured node.
+
+    Returns:
+        Diagnoses of sensors, pose, slip and commands.
+    """
+    return [_sensors(node), _pose(node), _slip(node), _commands(node)]
+
+
+def _sensors(node: Diagnosed) -> DiagnosticStatus:
+    """Return the diagnosis of joint states and IMU."""
+    intake, age = node.intake, node.now() - node.joints_at
+    level, text = OK, "joint states and IMU arrive"
+    if not np.isfinite(age):
+        level, text = STALE, "no joint states yet"
+    elif intake.missing:
+        level, text = ERROR, f"no readings of wheel {', '.join(intake.missing)}: check joint_names"
+    elif age > node.value("sensor_timeout"):
+        level, text = ERROR, f"no joint states for {age:.1f} s"
+    elif intake.uses_imu and not intake.has_imu:
+        level, text = WARN, "no IMU: the wheels give the turn, and the start is taken to be level"
+    elif not intake.uses_imu:
+        text = "joint states arrive; the IMU is not used"
+    values = {f"{kind} received": str(count) for kind, count in node.received.items()}
+    values |= {name: str(count) for name, count in sorted(intake.events.items())}
+    values |= {f"last {name}": text for name, text in sorted(intake.last.items())}
+    if node.failures:
+        values["rows not used"] = str(node.failures)
+    return status("rockerbogie: sensors", level, text, values, node.controller.rover.name)
+
+
+def _pose(node: Diagnosed) -> DiagnosticStatus:
+    """Return the diagnosis of attitude, joint limits and tip margin."""
+    e, rover = node.estimate, node.controller.rover
+    if e is None:
+        return status("rockerbogie: pose", STALE, "no estimate yet", {}, rover.name)
+    roll, pitch, yaw = np.degrees(e.attitude)
+    margin = e.tip_margin
+    level, text = OK, f"tip margin {np.degrees(margin):.1f} deg" if np.isfinite(margin) else "tip margin not known: no masses"
+    limits = []
+    right = float(rover.right_rocker(e.rocker))
+    for name, angle, (low, high) in (
+        ("left rocker", e.rocker, rover.rocker_limits),
+        ("right rocker", right, rover.rocker_limits),
+        ("left bogie", float(e.bogie[0]), rover.bogie_limits),
+        ("right bogie", float(e.bogie[1]), rover.bogie_limits),
+    ):
+        if not low < angle < high:
+            limits.append(name)
+    if margin < node.value("tip_margin_error"):
+        level, text = ERROR, f"close to tipping over: {text}"
+    elif margin < node.value("tip_margin_warning"):
+        level, text = WARN, f"low {text}"
+    if limits:
+        level, text = max(level, WARN), f"{text}; at its limit: {', '.join(limits)}"
+    values = {
+        "roll [deg]": f"{roll:.2f}",
+        "pitch [deg]": f"{pitch:.2f}",
+        "yaw [deg]": f"{yaw:.2f}",
+        "rocker [deg]": f"{np.degrees(e.rocker):.2f}",
+        "bogie left [deg]": f"{np.degrees(e.bogie[0]):.2f}",
+        "bogie right [deg]": f"{np.degrees(e.bogie[1]):.2f}",
+        "tip margin [deg]": f"{np.degrees(margin):.2f}",
+        "distance [m]": f"{e.distance:.3f}",
+        "sigma x, y, z [m]": ", ".join(f"{v:.3f}" for v in np.sqrt(np.maximum(np.diag(e.pose_covariance)[:3], 0.0))),
+    }
+    return status("rockerbogie: pose", level, text, values, rover.name)
+
+
+def _slip(node: Diagnosed) -> DiagnosticStatus:
+    """Return the diagnosis of the wheels' slip against each other."""
+    e, rover = node.estimate, node.controller.rover
+    if e is None or not np.isfinite(e.twist).all():
+        return status("rockerbogie: slip", STALE, "no motion yet", {}, rover.name)
+    speed = float(np.linalg.norm(e.twist[:3]))
+    fastest = max(speed, float(np.abs(e.roll_slip).max()))
+    share = np.abs(e.roll_slip) / fastest if fastest > STANDING else np.zeros(6)
+    worst = int(np.argmax(share))
+    level, text = OK, f"wheels agree within {100 * share[worst]:.0f} % of the speed"
+    if share[worst] > node.value("slip_warning"):
+        level, text = WARN, f"wheel {rover.wheel_names[worst]} slips by {100 * share[worst]:.0f} % of the speed"
+    values = {"speed [m/s]": f"{speed:.4f}"}
+    values |= {f"roll slip {n} [m/s]": f"{v:.4f}" for n, v in zip(rover.wheel_names, e.roll_slip, strict=True)}
+    values |= {f"side slip {n} [m/s]": f"{v:.4f}" for n, v in zip(rover.wheel_names, e.side_slip, strict=True)}
+    return status("rockerbogie: slip", level, text, values, rover.name)
+
+
+def _commands(node: Diagnosed) -> DiagnosticStatus:
+    """Return the diagnosis of the last command."""
+    c, rover = node.command, node.controller.rover
+    if c is None:
+        return status("rockerbogie: commands", OK, "no cmd_vel yet", {}, rover.name)
+    level, text = OK, f"{100 * c.speed_scale:.0f} % of the wanted speed" if node.wanted.any() else "standing"
+    short = np.abs(c.steering_short).max()
+    if c.waiting:
+        text = "waiting until the wheels have turned"
+    elif short > 1e-6:
+        level, text = WARN, f"the steering limit leaves {np.degrees(short):.1f} deg: wheels slip sideways"
+    values = {
+        "speed scale": f"{c.speed_scale:.3f}",
+        "waiting": str(c.waiting),
+        "steering error [deg]": f"{np.degrees(np.abs(c.steering_error).max()):.2f}",
+    }
+    return status("rockerbogie: commands", level, text, values, rover.name)

@@ -1,0 +1,500 @@
+"""ROS 2 lifecycle node of a rover."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Twist, TwistStamped
+from nav_msgs.msg import Odometry
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.time import Time
+from sensor_msgs.msg import Imu as ImuMessage
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, String
+
+from ..errors import RockerbogieError
+from ..logs.odometry_filter import Estimate, OdometryFilter
+from ..logs.sensor_checks import NED
+from ..motion.wheel_controller import WheelCommand, WheelController
+from ..outputs import SOURCE, check_outputs
+from ..rotations import body_transform
+from ..rover.formats import load_rover, to_urdf
+from ..rover.model import Rover
+from . import messages
+from .health import diagnoses
+from .intake import AGREEING, Intake, Row
+from .joints import JointReader, MotorNames, parse_names, read_description
+from .parameters import PARAMETERS
+
+try:
+    from tf2_msgs.msg import TFMessage
+except ImportError:  # no wheel of it on PyPI
+    TFMessage = None
+
+SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL, reliability=ReliabilityPolicy.RELIABLE)
+#: Seconds between two log messages on the same kind of event.
+QUIET = 5.0
+#: Longest wait of a row for the IMU reading of its time, s.
+IMU_PATIENCE = 0.25
+
+
+class RoverNode(LifecycleNode):  # type: ignore[misc]
+    """Lifecycle node: joint states, IMU and twists in; odometry, commands and diagnoses out.
+
+    Attributes:
+        rover: the rover, once configured.
+        odometer: its odometry.
+        controller: its commands.
+        intake: its sensors.
+        received: number of messages by kind.
+    """
+
+    def __init__(self, name: str = "rockerbogie", **options: Any) -> None:
+        """Make an unconfigured node.
+
+        Args:
+            name: of the node.
+            options: of rclpy's nodes: context, namespace, parameter_overrides, …
+        """
+        super().__init__(name, **options)
+        for key, parameter in PARAMETERS.items():
+            if not self.has_parameter(key):
+                self.declare_parameter(key, parameter.default)
+        self._values: dict[str, Any] = {}
+        self.add_on_set_parameters_callback(self._on_set)
+        self.rover: Rover | None = None
+        self.active = False
+        self.command: WheelCommand | None = None
+        self._description = ""
+        self._logged: dict[str, tuple[int, float]] = {}
+        self._made: list[Any] = []
+        self._waiting_for_description: Any = None
+
+    def value(self, name: str) -> Any:
+        """Return the value of a parameter.
+
+        Args:
+            name: one of `PARAMETERS`.
+
+        Returns:
+            Its value.
+        """
+        if name not in self._values:
+            self._values[name] = parameter_value_to_python(self.get_parameter(name).get_parameter_value())
+        return self._values[name]
+
+    def _on_set(self, parameters: Sequence[Any]) -> Any:
+        """Accept parameters that need no new configuration, and all before it."""
+        fixed = [p.name for p in parameters if self.rover is not None and p.name in PARAMETERS and not PARAMETERS[p.name].live]
+        if fixed:
+            reason = f"{', '.join(fixed)} is read when the node is configured: clean it up first"
+            return SetParametersResult(successful=False, reason=reason)
+        for parameter in parameters:
+            self._values.pop(parameter.name, None)
+        return SetParametersResult(successful=True)
+
+    # Transitions
+
+    def on_configure(self, state: LifecycleState) -> Any:
+        """Load the rover, and subscribe.
+
+        Args:
+            state: before the transition.
+
+        Returns:
+            FAILURE with an error in the log if a parameter is wrong.
+        """
+        try:
+            self._configure()
+        except RockerbogieError as error:
+            self.get_logger().error(str(error))
+            self._release()
+            return FAILURE
+        return SUCCESS
+
+    def on_activate(self, state: LifecycleState) -> Any:
+        """Publish from now on.
+
+        Args:
+            state: before the transition.
+
+        Returns:
+            SUCCESS.
+        """
+        self.active = True
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> Any:
+        """Stop the rover, and publish no more.
+
+        Readings are still used, so that the track stays whole.
+
+        Args:
+            state: before the transition.
+
+        Returns:
+            SUCCESS.
+        """
+        self._stop()
+        self.active = False
+        self._save()
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> Any:
+        """Release rover, track and topics.
+
+        Args:
+            state: before the transition.
+
+        Returns:
+            SUCCESS.
+        """
+        self._release()
+        return SUCCESS
+
+    def on_shutdown(self, state: LifecycleState) -> Any:
+        """Stop the rover, save the track and release all.
+
+        Args:
+            state: before the transition.
+
+        Returns:
+            SUCCESS.
+        """
+        if self.rover is not None:
+            self._stop()
+            self._save()
+        self.active = False
+        self._release()
+        return SUCCESS
+
+    def _configure(self) -> None:
+        """Make all parts from the parameters."""
+        names = parse_names(self.value("joint_names"))
+        description = self.value("robot_description") or self._description
+        if self.value("rover"):
+            self.rover = load_rover(self.value("rover"))
+        elif description:
+            self.rover, theirs = read_description(description)
+            names = theirs | names
+        else:
+            raise RockerbogieError("no rover: set parameter rover to a preset or a file, or give robot_description")
+        self.names = names
+        patience = max(round(IMU_PATIENCE * self.value("command_rate")), 1)
+        self.intake = Intake(self.rover, self.value("most_speed"), self.value("use_imu"), patience)
+        self.reader, self.motors = JointReader(self.rover, names), MotorNames.of(self.rover, names)
+        self.odometer = self._new_odometer(self.rover)
+        none = {0.0: np.inf}
+        wheel_limit, steering_limit = self.value("wheel_rate_limit"), self.value("steering_rate_limit")
+        self.controller = WheelController(
+            self.rover,
+            steering_limit=self.value("steering_limit"),
+            wheel_rate_limit=none.get(wheel_limit, wheel_limit),
+            steering_rate_limit=none.get(steering_limit, steering_limit),
+            aligned=self.value("steering_aligned"),
+            waiting=self.value("steering_waiting"),
+        )
+        frame, mounting = self.value("imu_frame"), self.value("imu_mounting")
+        if frame not in ("enu", "ned"):
+            raise RockerbogieError(f"imu_frame is {frame!r}; give 'enu' or 'ned'")
+        self._imu_axes: tuple[Any, Any] = (None, None)
+        if frame == "ned" or any(mounting):
+            world, axes = NED if frame == "ned" else (np.eye(3), np.eye(3))
+            self._imu_axes = (world, body_transform(0, 0, 0, *mounting)[:3, :3] @ axes)
+        self.estimate: Estimate | None = None
+        self.failures = 0
+        self.wanted, self._wanted_at, self._sent_at = np.zeros(3), -np.inf, -np.inf
+        self.received, self._unstamped = Counter[str](), Counter[str]()
+        self.joints_at, self._measured_steering = -np.inf, np.full(6, np.nan)
+        self._connect()
+
+    def _new_odometer(self, rover: Rover) -> OdometryFilter:
+        """Return the filter: continued from the state file, if it exists."""
+        file = self.value("state_file")
+        if file and Path(file).exists():
+            try:
+                state = json.loads(Path(file).read_text(encoding="utf-8"))
+                found = OdometryFilter.from_state(rover, state["filter"])
+            except (OSError, ValueError, KeyError, TypeError) as error:
+                raise RockerbogieError(f"state_file {file!r} cannot be used: {error}") from None
+            self.get_logger().info(f"the track continues from {file}")
+            return found
+        x, y, z = self.value("start")
+        return OdometryFilter(rover, start=(x, y, z), window=self.value("smoothing_window"))
+
+    def _connect(self) -> None:
+        """Make publishers, subscriptions and timers."""
+        reliability = ReliabilityPolicy.RELIABLE if self.value("reliable") else ReliabilityPolicy.BEST_EFFORT
+        sensors = QoSProfile(depth=100, reliability=reliability)
+        self.odom = self.create_lifecycle_publisher(Odometry, "odom", 10)
+        self.state = self.create_lifecycle_publisher(DiagnosticArray, "rover/state", 10)
+        self.wheels = self.create_lifecycle_publisher(Float64MultiArray, "wheel_velocity_controller/commands", 10)
+        self.steering = self.create_lifecycle_publisher(Float64MultiArray, "steering_position_controller/commands", 10)
+        self.joint_commands = self.create_lifecycle_publisher(JointState, "joint_commands", 10)
+        self.tf = None
+        if self.value("publish_tf"):
+            if TFMessage is None:
+                self.get_logger().warning("tf2_msgs is not installed (PyPI has no wheel of it): /tf is not published")
+            else:
+                self.tf = self.create_lifecycle_publisher(TFMessage, "/tf", 100)
+        self._made = [self.odom, self.state, self.wheels, self.steering, self.joint_commands]
+        if self.tf is not None:
+            self._made.append(self.tf)
+        if self.value("publish_robot_description"):
+            publisher = self.create_publisher(String, "robot_description", LATCHED)
+            assert self.rover is not None
+            publisher.publish(String(data=to_urdf(self.rover)))
+            self._made.append(publisher)
+        kind = TwistStamped if self.value("cmd_vel_stamped") else Twist
+        self._made += [
+            self.create_subscription(JointState, "joint_states", self._on_joints, sensors),
+            self.create_subscription(kind, "cmd_vel", self._on_twist, 10),
+            self.create_timer(1.0 / self.value("command_rate"), self._on_command_timer),
+            self.create_timer(1.0 / self.value("state_rate"), self._on_state_timer),
+        ]
+        if self.value("use_imu"):
+            self._made.append(self.create_subscription(ImuMessage, "imu/data", self._on_imu, sensors))
+
+    def _release(self) -> None:
+        """Destroy what `_connect` made."""
+        for made in self._made:
+            for kind in ("publisher", "subscription", "timer"):
+                if type(made).__name__.lower().endswith(kind):
+                    getattr(self, f"destroy_{kind}")(made)
+        self._made, self.rover = [], None
+
+    # Sensors
+
+    def now(self) -> float:
+        """Return the node's time.
+
+        Returns:
+            s; the simulation's if use_sim_time is set.
+        """
+        return 1e-9 * float(self.get_clock().now().nanoseconds)
+
+    def _on_joints(self, message: JointState) -> None:
+        self.joints_at = self.now()
+        stamp = self._stamp_of(message, "joint states")
+        if stamp is None:
+            return
+        try:
+            values = self.reader.read(message.name, message.position, message.velocity)
+        except RockerbogieError as error:
+            self._complain("joint states", str(error))
+            return
+        self._take(self.intake.joints(stamp, values))
+
+    def _on_imu(self, message: ImuMessage) -> None:
+        stamp = self._stamp_of(message, "IMU readings")
+        if stamp is not None:
+            reading = messages.imu_reading(message, stamp, *self._imu_axes)
+            self._take(self.intake.imu(reading))
+
+    def _stamp_of(self, message: Any, kind: str) -> float | None:
+        """Return the time of a message, s; that of reception for publishers that give none."""
+        self.received[kind] += 1
+        stamp = messages.seconds(message.header.stamp)
+        if stamp > 0.0:
+            self._unstamped[kind] = 0
+            return stamp
+        self._unstamped[kind] += 1
+        self._complain(f"{kind} without time", f"{kind} come without a time: times of reception are used")
+        return self.now() if self._unstamped[kind] >= AGREEING else None
+
+    def _take(self, rows: Sequence[Row]) -> None:
+        """Give rows to the filter, and publish its estimates."""
+        for row in rows:
+            try:
+                self.estimate = self.odometer.update(row.time, row.joints, row.imu)
+            except RockerbogieError as error:
+                self.failures += 1
+                self._complain("odometry", str(error))
+                continue
+            steering = row.joints.get("steering")
+            self._measured_steering = np.full(6, np.nan) if steering is None else np.asarray(steering)
+            if self.active:
+                nanoseconds = round(1e9 * row.stamp)
+                stamp = Time(nanoseconds=max(nanoseconds, 0)).to_msg()
+                odometry = messages.odometry_message(self.estimate, stamp, self.value("odom_frame"), self.value("base_frame"))
+                self.odom.publish(odometry)
+                if self.tf is not None:
+                    self.tf.publish(TFMessage(transforms=[messages.transform_of(odometry)]))
+        for name, count in self.intake.events.items():
+            if count != self._logged.get(name, (0, 0.0))[0]:
+                self._complain(name, self.intake.last[name], count)
+
+    def _complain(self, name: str, text: str, count: int | None = None) -> None:
+        """Write a warning to the log, at most every `QUIET` seconds for one kind."""
+        known, when = self._logged.get(name, (0, -np.inf))
+        now = time.monotonic()
+        if now - when >= QUIET:
+            more = "" if count is None or count - known <= 1 else f" ({count - known} times)"
+            self.get_logger().warning(f"{text}{more}")
+            self._logged[name] = (known if count is None else count, now)
+
+    # Commands
+
+    def _on_twist(self, message: Any) -> None:
+        twist = message.twist if self.value("cmd_vel_stamped") else message
+        wanted = np.array([twist.linear.x, twist.linear.y, twist.angular.z])
+        if not np.isfinite(wanted).all():
+            self._complain("cmd_vel", "cmd_vel is not finite: the rover stops")
+            wanted = np.zeros(3)
+        self.wanted, self._wanted_at = wanted, self.now()
+        self._send()
+
+    def _on_command_timer(self) -> None:
+        """Use rows that have waited for long. Repeat the last twist, or stop if it is too old."""
+        self._take(self.intake.tick())
+        if not self.active or not np.isfinite(self._wanted_at):
+            return
+        now = self.now()
+        age = now - self._wanted_at
+        if age < 0.0 or age > self.value("cmd_vel_timeout"):
+            if self.wanted.any():
+                self._complain("cmd_vel timeout", f"no cmd_vel for {age:.2f} s: the rover stops")
+            self._stop()
+        elif now - self._sent_at > 0.5 / self.value("command_rate"):
+            self._send()
+
+    def _stop(self) -> None:
+        """Stop the wheels; the steering stays."""
+        if np.isfinite(self._wanted_at):
+            self.wanted, self._wanted_at = np.zeros(3), -np.inf
+            self._send()
+
+    def _send(self) -> None:
+        """Compute and publish commands for the last twist."""
+        if not self.active:
+            return
+        now = self.now()
+        usual = 1.0 / self.value("command_rate")
+        dt = now - self._sent_at
+        dt = dt if 0.0 < dt < 2.0 * usual else usual
+        e = self.estimate
+        steering = self._measured_steering if self.value("use_measured_steering") else None
+        contact = None if e is None or not self.intake.has_imu else e.contact_angle
+        rocker, bogie = (0.0, np.zeros(2)) if e is None else (e.rocker, e.bogie)
+        if steering is not None and not np.isfinite(steering[self.controller.rover.steers]).all():
+            steering = None
+        try:
+            command = self.controller.command(
+                self.wanted, dt=dt, steering=steering, rocker=rocker, bogie=bogie, contact_angle=contact
+            )
+        except RockerbogieError as error:
+            self._complain("commands", str(error))
+            return
+        if not np.isfinite(command.wheel_rates).all():
+            self._complain("commands", "the present joint angles allow no motion with six wheels in contact: the wheels stop")
+            command.wheel_rates[:] = 0.0
+        self.command, self._sent_at = command, now
+        rates = self.motors.wheel_signs * command.wheel_rates
+        angles = self.motors.steering_signs * command.steering[self.controller.rover.steers]
+        self.wheels.publish(Float64MultiArray(data=rates.tolist()))
+        if len(angles):
+            self.steering.publish(Float64MultiArray(data=angles.tolist()))
+        message = JointState(name=[*self.motors.wheels, *self.motors.steering])
+        message.header.stamp = self.get_clock().now().to_msg()
+        message.position = [float("nan")] * 6 + angles.tolist()
+        message.velocity = [*rates.tolist(), *[float("nan")] * len(angles)]
+        self.joint_commands.publish(message)
+
+    # State
+
+    def _on_state_timer(self) -> None:
+        if self.active:
+            self.state.publish(messages.diagnostics(self.get_clock().now().to_msg(), diagnoses(self)))
+
+    def _save(self) -> None:
+        """Write the filter's state to the state file."""
+        file = self.value("state_file")
+        if not file or self.rover is None:
+            return
+        try:
+            check_outputs([file])
+            text = json.dumps({"source": SOURCE, "filter": self.odometer.state()})
+            part = Path(f"{file}.part")
+            part.write_text(text, encoding="utf-8")
+            part.replace(file)
+        except (OSError, RockerbogieError) as error:
+            self.get_logger().error(f"the track was not saved: {error}")
+
+    def on_description(self, message: String) -> None:
+        """Take the robot description, and start.
+
+        Args:
+            message: URDF, SDF or MJCF.
+        """
+        if self._waiting_for_description is not None:
+            self.destroy_subscription(self._waiting_for_description)
+            self._waiting_for_description = None
+            self._description = message.data
+            start(self)
+
+    def wait_for_description(self) -> None:
+        """Subscribe to robot_description, and start when it comes."""
+        self.get_logger().info("waiting for robot_description")
+        self._waiting_for_description = self.create_subscription(String, "robot_description", self.on_description, LATCHED)
+
+
+def start(node: RoverNode) -> bool:
+    """Configure and activate a node.
+
+    Args:
+        node: unconfigured.
+
+    Returns:
+        True if it is active, or waits for a robot description; False if a parameter is wrong.
+    """
+    if not (node.value("rover") or node.value("robot_description") or node._description):
+        node.wait_for_description()
+        return True
+    return bool(node.trigger_configure() == SUCCESS and node.trigger_activate() == SUCCESS)
+
+
+def main(args: Sequence[str] | None = None, name: str = "rockerbogie", values: Mapping[str, Any] | None = None) -> int:
+    """Run the node until it is interrupted.
+
+    Args:
+        args: ROS arguments, such as --ros-args -p rover:=osr; `None` for those of the process.
+        name: of the node.
+        values: parameters, which come before those of `args`.
+
+    Returns:
+        Exit code: 0, or 2 if a parameter is wrong.
+    """
+    try:
+        rclpy.init(args=None if args is None else ["rockerbogie", *args])
+        overrides = [Parameter(key, value=value) for key, value in (values or {}).items()]
+        node = RoverNode(name, parameter_overrides=overrides)
+    except (RuntimeError, ValueError) as error:
+        raise RockerbogieError(f"ROS does not start: {error}") from None
+    try:
+        if node.value("autostart") and not start(node):
+            return 2
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        executor.spin()
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        if rclpy.ok() and node.rover is not None:
+            node._stop()
+        node._save()
+        node.destroy_node()
+        rclpy.try_shutdown()
+    return 0

@@ -1,0 +1,51 @@
+"""Parameters of the node: names, defaults and meaning."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Parameter(NamedTuple):
+    """Parameter of the node."""
+
+    default: bool | int | float | str | list[str] | list[float]
+    text: str  # meaning and unit
+    live: bool = False  # may be set while the node is configured
+
+
+PARAMETERS: dict[str, Parameter] = {
+    "rover": Parameter("", "preset, or path of a rover file; '' takes the rover from robot_description"),
+    "robot_description": Parameter("", "URDF, SDF or MJCF of the robot; '' waits for topic robot_description if rover is '' too"),
+    "joint_names": Parameter([""], "THEIRS=OURS each, as in fl_wheel=wheel_LF_joint or corner_fl=-steering_LF"),
+    "autostart": Parameter(True, "configure and activate the node when it starts"),
+    "odom_frame": Parameter("odom", "frame of the track"),
+    "base_frame": Parameter("base_link", "frame of the body"),
+    "publish_tf": Parameter(True, "publish odom_frame -> base_frame on /tf"),
+    "publish_robot_description": Parameter(False, "publish the rover's URDF on robot_description, latched"),
+    "start": Parameter([0.0, 0.0, 0.0], "x, y, z of the start, m"),
+    "state_file": Parameter("", "file from which the track continues, and to which it is saved; '' for none"),
+    "reliable": Parameter(False, "subscribe to joint states and IMU reliably; false accepts publishers of either kind"),
+    "use_imu": Parameter(True, "use imu/data"),
+    "imu_mounting": Parameter([0.0, 0.0, 0.0], "roll, pitch, yaw of the IMU in the body, rad"),
+    "imu_frame": Parameter("enu", "reference axes of the IMU: enu or ned"),
+    "smoothing_window": Parameter(1, "rows over which readings are smoothed, for encoders of few counts; 1 for none"),
+    "most_speed": Parameter(5.0, "speed of a wheel's rim beyond which its counter has jumped, m/s"),
+    "cmd_vel_stamped": Parameter(False, "cmd_vel is TwistStamped instead of Twist"),
+    "cmd_vel_timeout": Parameter(0.5, "time after the last cmd_vel at which the rover stops, s", live=True),
+    "command_rate": Parameter(50.0, "least rate of commands while the rover moves, Hz"),
+    "use_measured_steering": Parameter(
+        True, "wait for measured steering angles, if there are any; false trusts the commands", live=True
+    ),
+    "steering_limit": Parameter(1.5707963267948966, "largest steering angle to either side, rad"),
+    "wheel_rate_limit": Parameter(0.0, "largest rate of a wheel motor, rad/s; 0 for none"),
+    "steering_rate_limit": Parameter(0.0, "largest rate of a steering motor, rad/s; 0 for none"),
+    "steering_aligned": Parameter(0.05235987755982989, "steering error up to which the rover drives at full speed, rad"),
+    "steering_waiting": Parameter(0.2617993877991494, "steering error from which the rover stands, rad"),
+    "state_rate": Parameter(5.0, "rate of rover/state, Hz"),
+    "tip_margin_warning": Parameter(0.3490658503988659, "tip margin below which rover/state warns, rad", live=True),
+    "tip_margin_error": Parameter(0.17453292519943295, "tip margin below which rover/state reports an error, rad", live=True),
+    "slip_warning": Parameter(
+        0.5, "slip of a wheel against the others, as a share of their speed, above which rover/state warns", live=True
+    ),
+    "sensor_timeout": Parameter(1.0, "time without joint states after which rover/state reports an error, s", live=True),
+}

@@ -1,0 +1,306 @@
+"""The ROS 2 node on loopback: odometry of a replayed bag, commands, faults, lifecycle."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+import warnings
+
+import numpy as np
+import pytest
+
+import rockerbogie as rb
+from ros.ros_bench import Bench, needs_ros
+from support.helpers import assert_close
+
+pytestmark = needs_ros
+ROVER = rb.load_rover("osr")
+HZ = 50
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    """Return a run over rocks, its MCAP file, and batch odometry of that file."""
+    pytest.importorskip("rosbags")
+    run = rb.drive(ROVER, rb.surfaces.mars(seed=2), rb.Path.arc((0.0, 0.0), 0.0, 2.0, 0.15), speed=0.1, step=0.1 / HZ)
+    run = run.isel(time=slice(0, 4 * HZ))  # 4 s
+    run = run.assign_coords(time=run["time"] + 10.0)
+    file = tmp_path_factory.mktemp("bag") / "run.mcap"
+    rb.write_mcap(ROVER, run, file)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", rb.LogWarning)
+        return run, file, rb.odometry(ROVER, None, rb.read_log(file, ROVER))
+
+
+def stored_messages(file):
+    """Yield topic, time and message of a bag, the messages as rclpy has them."""
+    from rclpy.serialization import deserialize_message
+    from rosbags.highlevel import AnyReader
+    from sensor_msgs.msg import Imu, JointState
+
+    kinds = {"/joint_states": JointState, "/imu": Imu}
+    with AnyReader([file]) as reader:
+        for connection, time_ns, raw in reader.messages(connections=[c for c in reader.connections if c.topic in kinds]):
+            yield connection.topic, 1e-9 * time_ns, deserialize_message(bytes(raw), kinds[connection.topic])
+
+
+def stamps(messages):
+    return np.array([m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for _, m in messages])
+
+
+def positions(messages):
+    return np.array([[getattr(m.pose.pose.position, k) for k in "xyz"] for _, m in messages])
+
+
+@pytest.mark.parametrize("speed", [1, 10])
+def test_a_replayed_bag_gives_the_batch_odometry(bag, speed):
+    """Replay a recorded MCAP file: pose, twist and covariances are those of `odometry`."""
+    from nav_msgs.msg import Odometry
+    from sensor_msgs.msg import Imu, JointState
+
+    _, file, track = bag
+    with Bench(rover="osr") as bench:
+        send = {"/joint_states": bench.publisher(JointState, "joint_states"), "/imu": bench.publisher(Imu, "imu/data")}
+        odom = bench.record(Odometry, "odom")
+        begin, first = time.monotonic(), None
+        for topic, at, message in stored_messages(file):
+            first = at if first is None else first
+            bench.spin(max((at - first) / speed - (time.monotonic() - begin), 0.0))
+            bench.send(send[topic], message, "joint states" if topic == "/joint_states" else "IMU readings", 40)
+        bench.until(lambda: len(odom) >= track.sizes["time"], "estimate of the last row")
+        events = dict(bench.node.intake.events)
+    assert not events
+    assert_close(
+        stamps(odom) - stamps(odom)[0], track["time"].values - float(track["time"][0]), 1e-6, "s", "stamps of the readings"
+    )
+    assert_close(positions(odom), np.stack([track[k] for k in "xyz"], axis=-1), 1e-9, "m", "position")
+    covariance = np.array([m.pose.covariance for _, m in odom]).reshape(-1, 6, 6)
+    assert_close(covariance, track["pose_covariance"].values, 1e-12, "SI", "covariance of the pose")
+    twist = np.array(
+        [[getattr(getattr(m.twist.twist, part), k) for part in ("linear", "angular") for k in "xyz"] for _, m in odom]
+    )
+    assert_close(twist[1:], track["twist"].values[1:], 1e-9, "SI", "twist")
+    assert odom[0][1].header.frame_id == "odom"
+    assert odom[0][1].child_frame_id == "base_link"
+
+
+def test_commands_are_those_of_the_controller():
+    """Send twists at 50 Hz: commands come in the robot's names and signs."""
+    from geometry_msgs.msg import Twist
+    from sensor_msgs.msg import JointState
+    from std_msgs.msg import Float64MultiArray
+
+    names = ["drive_fl=wheel_LF_joint", "drive_fr=-wheel_RF_joint", "turn_fl=-steering_LF"]
+    with Bench(rover="osr", joint_names=names, steering_rate_limit=0.5) as bench:
+        send = bench.publisher(Twist, "cmd_vel")
+        wheels = bench.record(Float64MultiArray, "wheel_velocity_controller/commands")
+        steering = bench.record(Float64MultiArray, "steering_position_controller/commands")
+        joint = bench.record(JointState, "joint_commands")
+        twist = Twist()
+        twist.linear.x, twist.angular.z = 0.05, 0.04
+        for _ in range(150):
+            send.publish(twist)
+            bench.spin(1.0 / HZ)
+        moving = np.array([m.data for _, m in wheels])
+        bench.until(lambda: not np.any(wheels[-1][1].data), "stop after the last twist", 5.0)
+    want = rb.WheelController(ROVER)
+    command = [want.command([0.05, 0.0, 0.04]) for _ in range(3)][-1]
+    index = {name: k for k, name in enumerate(ROVER.wheel_names)}
+    signs = np.ones(6)
+    signs[index["RF"]] = -1.0
+    assert_close(moving[-1], signs * command.wheel_rates, 1e-6, "rad/s", "wheel rates once the wheels have turned")
+    assert np.abs(moving[0]).max() < 0.1 * np.abs(moving[-1]).max(), "the rover waits for its wheels"
+    last = joint[-1][1]
+    assert last.name[index["LF"]] == "drive_fl"
+    angles = dict(zip(last.name, last.position, strict=True))
+    assert angles["turn_fl"] == pytest.approx(-command.steering[index["LF"]], abs=1e-6)
+    assert len(steering[-1][1].data) == int(ROVER.steers.sum())
+
+
+def test_the_node_survives_faulty_sensors_and_reports_them(bag):
+    """Lose, double and spoil messages, set the clock back, restart counters, end the IMU."""
+    from diagnostic_msgs.msg import DiagnosticArray
+    from nav_msgs.msg import Odometry
+    from sensor_msgs.msg import Imu, JointState
+
+    _, file, track = bag
+    messages = list(stored_messages(file))
+    joints = [m for topic, _, m in messages if topic == "/joint_states"]
+    imus = [m for topic, _, m in messages if topic == "/imu"]
+    n = len(joints)
+
+    def shifted(message, seconds, angle=0.0):
+        ns = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec + round(1e9 * seconds)
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(ns, 10**9)
+        for k, name in enumerate(getattr(message, "name", ())):
+            if name.startswith("wheel"):
+                message.position[k] += angle
+        return message
+
+    with Bench(rover="osr") as bench:
+        joint, imu = bench.publisher(JointState, "joint_states"), bench.publisher(Imu, "imu/data")
+        odom, state = bench.record(Odometry, "odom"), bench.record(DiagnosticArray, "rover/state")
+
+        def send(k, seconds=100.0, angle=0.0, attitude=True):
+            if attitude:
+                bench.send(imu, shifted(imus[k], seconds), "IMU readings")
+            bench.send(joint, shifted(joints[k], seconds, angle), "joint states")
+
+        quarter = n // 4
+        for k in range(quarter):
+            if k % 7 != 3:  # loss
+                send(k)
+        bench.send(joint, joints[quarter - 1], "joint states", 0)  # duplicate
+        bench.send(joint, joints[quarter - 3], "joint states", 0)  # late
+        bad = shifted(JointState(header=joints[0].header, name=joints[0].name, position=joints[0].position), 1e-3)
+        bad.header.stamp.sec += 300
+        bad.position[list(bad.name).index("wheel_LF_joint")] = float("nan")
+        bench.send(joint, bad, "joint states", 0)
+        for k in range(quarter, 2 * quarter):  # the clock is set back by 50 s, and the counters start again
+            send(k, 50.0, angle=-300.0)
+        for k in range(2 * quarter, n):  # no IMU
+            send(k, 50.0, angle=-300.0, attitude=False)
+
+        def sensors_status():
+            return next(s for s in state[-1][1].status if s.name.endswith("sensors"))
+
+        bench.until(lambda: "no IMU" in sensors_status().message, "report of the missing IMU")
+        sensors = sensors_status()
+        last = joints[-1].header.stamp
+        bench.until(lambda: odom[-1][1].header.stamp == last, "estimate of the last row")
+        found = {pair.key: pair.value for pair in sensors.values}
+        end = positions(odom)[-1]
+    assert {"duplicate", "late", "not finite", "clock set", "counter jump", "no IMU"} <= found.keys(), found
+    assert "set back by" in found["last clock set"]
+    assert sensors.level == b"\x01"
+    assert np.isfinite(positions(odom)).all()
+    want = np.array([float(track[k][-1]) for k in "xyz"])
+    error = np.linalg.norm(end - want) / float(track["distance_3d"][-1])
+    assert error < 0.05, f"after all that the position is off by {100 * error:.1f} % of the distance"
+
+
+def test_the_description_may_come_by_topic_and_is_published():
+    """Start without a rover: it is read from robot_description, in a namespace."""
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+    from sensor_msgs.msg import JointState
+    from std_msgs.msg import String
+
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    with Bench(namespace="/rover1") as bench:
+        assert bench.node.rover is None
+        publisher = bench.driver.create_publisher(String, "robot_description", latched)
+        publisher.publish(String(data=rb.to_urdf(ROVER)))
+        bench.until(lambda: bench.node.active, "start after the description")
+        assert bench.node.rover.wheel_names == ROVER.wheel_names
+        topics = {name for name, _ in bench.node.get_topic_names_and_types()}
+        assert {"/rover1/odom", "/rover1/joint_states", "/rover1/rover/state"} <= topics
+        assert bench.publisher(JointState, "joint_states")
+    with Bench(rover="osr", publish_robot_description=True) as bench:
+        found = bench.record(String, "robot_description", latched)
+        bench.until(lambda: found, "latched description")
+        assert rb.load_rover("osr").wheel_names == ROVER.wheel_names
+        assert "<robot" in found[0][1].data
+
+
+def test_the_lifecycle_and_its_refusals():
+    """Go through all transitions; wrong parameters are refused when the node is configured."""
+    from rclpy.lifecycle import TransitionCallbackReturn as Result
+    from rclpy.parameter import Parameter
+
+    with Bench(start=False, rover="nonsense") as bench:
+        assert bench.node.trigger_configure() == Result.FAILURE
+        assert bench.node.set_parameters([Parameter("rover", value="osr")])[0].successful
+        assert bench.node.trigger_configure() == Result.SUCCESS
+        refused = bench.node.set_parameters([Parameter("rover", value="curiosity")])[0]
+        assert not refused.successful
+        assert "clean it up first" in refused.reason
+        assert bench.node.set_parameters([Parameter("cmd_vel_timeout", value=1.0)])[0].successful
+        assert bench.node.value("cmd_vel_timeout") == 1.0
+        assert bench.node.trigger_activate() == Result.SUCCESS
+        assert bench.node.trigger_deactivate() == Result.SUCCESS
+        assert bench.node.trigger_cleanup() == Result.SUCCESS
+        assert bench.node.rover is None
+        assert bench.node.trigger_configure() == Result.SUCCESS
+        assert bench.node.trigger_shutdown() == Result.SUCCESS
+    with Bench(rover="osr", imu_frame="up") as bench:
+        assert not bench.started
+
+
+def test_a_track_continues_from_its_state_file(bag, tmp_path):
+    """Save the track on deactivation; another node continues it to the same end."""
+    from nav_msgs.msg import Odometry
+    from sensor_msgs.msg import Imu, JointState
+
+    _, file, track = bag
+    messages = list(stored_messages(file))
+    state = tmp_path / "state.json"
+    ends = []
+    cut = len(messages) // 4 * 2  # after an IMU reading
+    for part in (messages[:cut], messages[cut:]):
+        with Bench(rover="osr", state_file=str(state)) as bench:
+            send = {"/joint_states": bench.publisher(JointState, "joint_states"), "/imu": bench.publisher(Imu, "imu/data")}
+            odom = bench.record(Odometry, "odom")
+            count = sum(topic == "/joint_states" for topic, _, _ in part)
+            for topic, _, message in part:
+                bench.send(send[topic], message, "joint states" if topic == "/joint_states" else "IMU readings")
+            bench.until(lambda odom=odom, count=count: len(odom) >= count, "estimate of the last row")
+            ends.append(positions(odom)[-1])
+            bench.node.trigger_deactivate()
+    assert state.exists()
+    assert_close(ends[-1], [float(track[k][-1]) for k in "xyz"], 1e-9, "m", "end of the whole track")
+    state.write_text('{"mine": 1}', encoding="utf-8")
+    with Bench(rover="osr", state_file=str(state)) as bench:
+        assert not bench.started
+        assert state.read_text(encoding="utf-8") == '{"mine": 1}'
+
+
+def test_the_command_runs_the_node_until_it_is_interrupted():
+    """Run `rockerbogie ros` as a process: it takes simulated time and ends with code 0."""
+    import rclpy
+    from rosgraph_msgs.msg import Clock
+
+    environment = os.environ | {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_DOMAIN_ID": str(100 + os.getpid() % 100)}
+    os.environ |= environment
+    command = [
+        sys.executable,
+        "-m",
+        "rockerbogie",
+        "ros",
+        "--rover",
+        "osr",
+        "--namespace",
+        "r2",
+        "--use-sim-time",
+        "--set",
+        "state_rate=20",
+    ]
+    process = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    try:
+        from diagnostic_msgs.msg import DiagnosticArray
+
+        node = rclpy.create_node("watcher", context=context)
+        executor = rclpy.executors.SingleThreadedExecutor(context=context)
+        executor.add_node(node)
+        found = []
+        node.create_subscription(DiagnosticArray, "/r2/rover/state", found.append, 10)
+        clock = node.create_publisher(Clock, "/clock", 10)
+        end, tick = time.monotonic() + 25, 0
+        while not found and time.monotonic() < end:
+            tick += 1
+            message = Clock()
+            message.clock.sec = 5000 + tick
+            clock.publish(message)
+            executor.spin_once(timeout_sec=0.05)
+        assert found, "rover/state within 25 s"
+        assert 5000 < found[0].header.stamp.sec < 5000 + tick + 1
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=15)
+    finally:
+        process.kill()
+        context.try_shutdown()
+    assert process.returncode == 0, errors
