@@ -12,8 +12,8 @@ import pytest
 from rockerbogie.cli import COMMANDS, main
 
 README = Path(__file__).resolve().parents[1] / "README.md"
-#: Commands that take minutes: their own tests run them.
-SLOW = ("reproduce", "bench", "compile")
+#: Commands that take minutes, or run until they are stopped: their own tests run them.
+SLOW = ("reproduce", "lab", "bench", "compile")
 
 
 def commands() -> list[list[str]]:

@@ -12,7 +12,7 @@ from test_cli import complaint
 
 import rockerbogie as rb
 from rockerbogie.cli.rasters import load_terrain
-from rockerbogie.cli.surface_names import ANGLES, listing, parameters
+from rockerbogie.terrain.surface_names import ANGLES, listing, parameters
 
 
 @pytest.mark.parametrize("name", rb.surfaces.__all__)

@@ -33,6 +33,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "ros": ("rockerbogie.cli.ros:ros", "Run a ROS 2 node: odometry, wheel commands and state of a rover."),
     "validate": ("rockerbogie.cli.validate:validate", "Compare predicted with logged attitude, with an uncertainty band."),
     "benchmark": ("rockerbogie.cli.benchmark:app", "Score attitudes predicted by this or another program against flown ones."),
+    "lab": ("rockerbogie.cli.lab:lab", "Open a page in the browser: move, drive and change a rover on terrain."),
     "bench": ("rockerbogie.cli.bench:bench", "Time settling, as ratios to the paper's method and MuJoCo in the same run."),
     "compile": ("rockerbogie.cli.compile:compile_", "Compile all kernels for this machine in advance."),
     "rovers": ("rockerbogie.cli.rovers:app", "List rovers, show one, start a rover file, or import a robot file."),

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from ..errors import RockerbogieError, TerrainError
+from ..terrain.surface_names import build_surface
 from .common import SURFACE
-from .surface_names import build_surface
 
 if TYPE_CHECKING:
     from ..terrain.heightfield import Terrain

@@ -10,7 +10,7 @@ from urllib.parse import parse_qsl
 from ..errors import TerrainError, unknown_name
 
 if TYPE_CHECKING:
-    from ..terrain.heightfield import Terrain
+    from .heightfield import Terrain
 
 #: Parameters that are angles: in degrees on the command line, in radians in Python.
 ANGLES = frozenset({"slope", "aspect", "direction", "ramp_slope", "max_slope", "rms_slope"})
@@ -31,7 +31,7 @@ def build_surface(text: str, interpolation: str | None) -> Terrain:
     Raises:
         TerrainError: an unknown surface or parameter, or a value that is not a number.
     """
-    from ..terrain import surfaces
+    from . import surfaces
 
     name, question, query = text.partition("?")
     if name not in surfaces.__all__:
@@ -61,7 +61,7 @@ def parameters(name: str) -> dict[str, Any]:
     Returns:
         Name → default value, SI and rad.
     """
-    from ..terrain import surfaces
+    from . import surfaces
 
     signature = inspect.signature(getattr(surfaces, name))
     return {key: parameter.default for key, parameter in signature.parameters.items() if key not in _LEFT_OUT}

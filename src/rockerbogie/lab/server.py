@@ -1,0 +1,221 @@
+"""Server of the page: sessions of visitors, limits on uploads, address and port."""
+
+from __future__ import annotations
+
+import contextlib
+import http
+import socket
+import threading
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
+
+from ..errors import RockerbogieError, require
+from ..rover.model import Rover
+from ..settling.pose import GRAVITY
+from ..settling.settle import settle
+from ..terrain.heightfield import Terrain
+from .context import Lab
+from .readings import measure
+from .state import start_position
+from .uploads import MOST_BYTES
+
+if TYPE_CHECKING:
+    import viser
+    import xarray as xr
+
+
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+#: Names by which a browser on this machine may address the page.
+_LOCAL_NAMES = frozenset({"127.0.0.1", "localhost", "[::1]"})
+#: First port that is tried, and how many after it.
+PORT, PORTS = 8080, 20
+
+
+def start_lab(
+    rover: Rover,
+    terrain: Terrain,
+    *,
+    maps: xr.Dataset | None = None,
+    run: xr.Dataset | None = None,
+    gravity: float = GRAVITY["earth"],
+    host: str = "127.0.0.1",
+    port: int | None = None,
+    shadows: bool = True,
+) -> Lab:
+    """Start the page and return at once.
+
+    Args:
+        rover: with which each visitor begins.
+        terrain: likewise.
+        maps: map of the terrain, from `traversability`.
+        run: run of this rover on this terrain.
+        gravity: m/s².
+        host: address to listen at. The default is this machine only.
+        port: None: the first free one from 8080.
+        shadows: False for browsers that draw without a graphics card.
+
+    Returns:
+        The lab; `stop` ends it.
+
+    Raises:
+        RockerbogieError: viser is not installed; the address or port cannot be used.
+    """
+    require("the page", "lab", "viser", "trimesh")
+    free = free_port(host, port)
+    lab = Lab(rover, terrain, maps, run, gravity, (*start_position(terrain), 0.0), shadows)
+    warm_up(lab)
+    lab.server = _make_server(host, free)
+    _decorate(lab)
+    return lab
+
+
+def warm_up(lab: Lab) -> None:
+    """Load or compile the kernels that the page uses, before the first visitor waits for them.
+
+    Args:
+        lab: the lab.
+    """
+    for mode in ("contact", "equilibrium"):
+        pose = settle(lab.rover, lab.terrain, *lab.start, mode=mode)
+        measure(pose)
+        _ = pose.clearance, pose.contacts
+
+
+def free_port(host: str, port: int | None) -> int:
+    """Return a port that can be bound.
+
+    Args:
+        host: address.
+        port: the only one to try; None: the first free one from 8080.
+
+    Returns:
+        The port.
+
+    Raises:
+        RockerbogieError: the address is not one of this machine, or no port is free.
+    """
+    if port is not None and not 0 < port < 65536:
+        raise RockerbogieError(f"--port {port} is not a port: give a number from 1 to 65535")
+    tried = range(PORT, PORT + PORTS) if port is None else [port]
+    for one in tried:
+        try:
+            family, kind, protocol, _, address = socket.getaddrinfo(host, one, type=socket.SOCK_STREAM)[0]
+            with socket.socket(family, kind, protocol) as probe:
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                probe.bind(address)
+            return int(one)
+        except socket.gaierror:
+            raise RockerbogieError(f"--host {host!r} is not an address: give 127.0.0.1, 0.0.0.0 or one of this machine") from None
+        except OSError as error:
+            if error.errno in (99, 49):  # address not available, on Linux and macOS
+                raise RockerbogieError(f"--host {host!r} is not an address of this machine: give 127.0.0.1 or 0.0.0.0") from None
+    if port is None:
+        raise RockerbogieError(f"no port from {PORT} to {PORT + PORTS - 1} is free: give one with --port")
+    raise RockerbogieError(f"port {port} is in use or not allowed: give another with --port, or none for the first free one")
+
+
+def same_site(host: str, origin: str | None, local: bool) -> bool:
+    """Return True if a request comes from the page itself.
+
+    A browser sends `Origin` with every WebSocket. Without this check, any page that a visitor has open could control the lab.
+    The check of `Host` prevents that a foreign name is resolved to this machine (DNS rebinding).
+
+    Args:
+        host: header `Host`.
+        origin: header `Origin`, None without one.
+        local: True if the server listens on loopback only.
+
+    Returns:
+        True if the origin is the page's own, and on loopback the host is a name of this machine.
+    """
+    name = host.rsplit(":", 1)[0] if not host.endswith("]") else host
+    if local and name not in _LOCAL_NAMES:
+        return False
+    return origin is None or urlsplit(origin).netloc == host
+
+
+def _make_server(host: str, port: int) -> viser.ViserServer:
+    """Start viser's server with a check of each request and without its share link."""
+    import viser
+    import websockets.asyncio.server
+    from websockets.datastructures import Headers
+    from websockets.http11 import Response
+
+    local = host in LOOPBACK
+    serve = websockets.asyncio.server.serve
+
+    def guarded(*args: Any, process_request: Any, **more: Any) -> Any:
+        def check(connection: Any, request: Any) -> Any:
+            if not same_site(request.headers.get("Host", ""), request.headers.get("Origin"), local):
+                return Response(http.HTTPStatus.FORBIDDEN, "FORBIDDEN", Headers(), b"this address is not the page's own\n")
+            return process_request(connection, request)
+
+        return serve(*args, process_request=check, **more)
+
+    with _STARTING:
+        websockets.asyncio.server.serve = guarded
+        try:
+            with contextlib.redirect_stdout(None):
+                server = viser.ViserServer(host=host, port=port, label="rocker-bogie lab", verbose=False)
+        finally:
+            websockets.asyncio.server.serve = serve
+    server.request_share_url = lambda verbose=True: None  # never open a tunnel through a third party
+    return server
+
+
+_STARTING = threading.Lock()
+
+
+def _decorate(lab: Lab) -> None:
+    """Set the theme, and open and close sessions with their visitors."""
+    from .session import Session
+
+    server = lab.server
+    server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large", brand_color=(0, 114, 178))
+    server.gui.main_panel.dock_right()
+    server.scene.world_axes.visible = False
+    server.scene.configure_default_lights(cast_shadow=lab.shadows)
+
+    def enter(client: viser.ClientHandle) -> None:
+        limit_uploads(client, lambda text: client.add_notification("File not read", text, color="red"))
+        session = Session(lab, client)
+        lab.sessions[client.client_id] = session
+        if client.client_id not in server.get_clients():  # left while the session was made
+            lab.close(client.client_id)
+
+    server.on_client_connect(enter)
+    server.on_client_disconnect(lambda client: lab.close(client.client_id))
+
+
+def limit_uploads(client: viser.ClientHandle, refuse: Callable[[str], Any]) -> None:
+    """Refuse files above `MOST_BYTES`, and parts beyond the announced size.
+
+    Args:
+        client: the visitor.
+        refuse: called with the reason.
+    """
+    from viser import _messages
+
+    gui, connection = client.gui, client.gui._websock_interface
+
+    def start(number: Any, message: Any) -> None:
+        if message.size_bytes > MOST_BYTES or message.part_count > MOST_BYTES // 1024:
+            refuse(f"{message.size_bytes / 1e6:.0f} MB are more than the limit of {MOST_BYTES / 1e6:.0f} MB")
+            return
+        gui._handle_file_transfer_start(number, message)
+
+    def part(number: Any, message: Any) -> None:
+        state = gui._current_file_upload_states.get(message.transfer_uuid)
+        if state is not None and state["transferred_bytes"] + len(message.content) > state["total_bytes"]:
+            gui._current_file_upload_states.pop(message.transfer_uuid, None)
+            refuse("the file is longer than its announced size")
+            return
+        gui._handle_file_transfer_part(number, message)
+
+    for kind, own, guarded in (
+        (_messages.FileTransferStartUpload, gui._handle_file_transfer_start, start),
+        (_messages.FileTransferPart, gui._handle_file_transfer_part, part),
+    ):
+        connection.unregister_handler(kind, own)
+        connection.register_handler(kind, guarded)

@@ -1,0 +1,234 @@
+"""The page in headless Chromium: numbers, dragging, sizes, runs, uploads, visitors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("viser", reason="viser is not installed: pip install '.[lab]'")
+
+import rockerbogie as rb
+from rockerbogie.lab.server import start_lab
+from support.browser import chromium, close_notes, drag, open_page, pixel_of, text_of, wait_for
+
+ROVER = rb.load_rover("osr")
+TERRAIN = rb.surfaces.rocks(k=0.1, seed=3, size=4.0, spacing=0.04)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with chromium() as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def lab() -> Iterator[Any]:
+    lab = start_lab(ROVER, TERRAIN, shadows=False)
+    yield lab
+    lab.stop()
+
+
+@pytest.fixture(scope="module")
+def page(browser: Any, lab: Any) -> Any:
+    page = open_page(browser, lab.url)
+    wait_for(lambda: lab.sessions, "a session")
+    return page
+
+
+@pytest.fixture
+def session(page: Any, lab: Any) -> Any:
+    close_notes(page)
+    return next(iter(lab.sessions.values()))
+
+
+def at_rest(session: Any) -> bool:
+    return session.state.target is None and not session._jobs and not session._moving()
+
+
+def shown(pose: rb.Pose) -> dict[str, str]:
+    """Return the texts that the page must show for a pose."""
+    angles = {
+        "roll": pose.roll,
+        "pitch": pose.pitch,
+        "rocker": pose.rocker,
+        "bogie_left": pose.bogie[0],
+        "bogie_right": pose.bogie[1],
+    }
+    texts = {key: f"{round(math.degrees(float(value)), 2) + 0.0:.2f}°" for key, value in angles.items()}
+    return texts | {"clearance": f"{float(pose.clearance):.3f} m", "status": rb.Status(int(pose.status)).name}
+
+
+def check_numbers(page: Any, session: Any) -> None:
+    """Compare the numbers in the page with `settle` at the position of the state."""
+    wait_for(lambda: at_rest(session), "the rover at rest")
+    state = session.state
+    expected = shown(rb.settle(state.rover, state.terrain, state.x, state.y, state.yaw, mode=state.mode))
+    for key, text in expected.items():
+        wait_for(lambda key=key, text=text: text_of(page, key) == text, f"{key} = {text}", 10.0)
+
+
+def test_the_page_shows_the_settled_rover(page: Any, session: Any) -> None:
+    assert "Drag the rover" in page.inner_text('[data-key="hint"]')
+    check_numbers(page, session)
+    state = session.state
+    body = session.rover_view.frames[0]
+    assert np.allclose(
+        np.asarray(body.position) + session.terrain_view.offset, (state.x, state.y, float(state.pose.z)), atol=1e-6
+    )
+    assert page.outside == []
+
+
+def test_a_drag_moves_the_rover_and_the_numbers_are_those_of_settle(page: Any, session: Any) -> None:
+    body = (session.state.x, session.state.y, float(session.state.pose.z) + 0.2)
+    start = pixel_of(session, body)
+    goal = pixel_of(session, np.array(body) + (0.3, 0.25, 0.0))
+    drag(page, start, goal)
+    wait_for(lambda: session.state.x > 0.1, "the rover moves")
+    wait_for(lambda: at_rest(session), "the rover at rest")
+    assert (session.state.x, session.state.y) == pytest.approx((0.3, 0.25), abs=0.12)
+    assert session.state.yaw == 0.0
+    check_numbers(page, session)
+
+
+def test_a_drag_of_the_ring_turns_the_rover(page: Any, session: Any) -> None:
+    from rockerbogie.lab.rover_view import ring_mesh
+
+    state = session.state
+    before = (state.x, state.y)
+    ring = ring_mesh(state.rover)[0]
+    side = ring[18:20].mean(axis=0) * (1.04, 1.04, 1.0)  # the left of the ring
+    T = state.pose.T_world_body
+    start = T[:3, :3] @ side + T[:3, 3]
+    turn = rb.body_transform(0, 0, 0, 0, 0, 0.5)[:3, :3]
+    goal = turn @ (start - T[:3, 3]) + T[:3, 3]
+    drag(page, pixel_of(session, start), pixel_of(session, goal))
+    wait_for(lambda: abs(state.yaw) > 0.1, "the rover turns")
+    wait_for(lambda: at_rest(session), "the rover at rest")
+    assert state.yaw == pytest.approx(0.5, abs=0.15)
+    assert (state.x, state.y) == pytest.approx(before, abs=1e-9)
+    check_numbers(page, session)
+
+
+def test_typed_positions_and_keys_move_the_rover(page: Any, session: Any) -> None:
+    field = page.get_by_label("x [m]", exact=True)
+    field.fill("-0.2")
+    field.press("Enter")
+    wait_for(lambda: session.state.x == pytest.approx(-0.2, abs=1e-9), "the typed x")
+    field.blur()
+    yaw = session.state.yaw
+    page.keyboard.press("j")
+    wait_for(lambda: session.state.yaw == pytest.approx(yaw + 0.05, abs=1e-6), "one press turns by 0.05 rad")
+    check_numbers(page, session)
+
+
+def test_a_slider_changes_the_rover(page: Any, session: Any) -> None:
+    page.get_by_role("tab", name="Rover").click()
+    own = float(session.state.rover.wheel_radius[0])
+    slider = page.get_by_role("slider").first
+    slider.focus()
+    for _ in range(4):
+        slider.press("ArrowRight")
+    wait_for(lambda: session.state.rover.wheel_radius[0] > own, "larger wheels")
+    check_numbers(page, session)
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save as TOML").click()
+    saved = rb.load_rover(download.value.path().rename(Path(download.value.path()).with_suffix(".toml")))
+    assert np.allclose(saved.wheel_radius, session.state.rover.wheel_radius)
+    page.get_by_role("button", name="Back to the original sizes").click()
+    wait_for(lambda: session.state.rover.wheel_radius[0] == own, "the original wheels")
+
+
+def test_an_uploaded_rover_and_a_broken_file(page: Any, session: Any, tmp_path: Path) -> None:
+    page.get_by_role("tab", name="Rover").click()
+    good, bad = tmp_path / "mine.urdf", tmp_path / "bad.toml"
+    good.write_text(rb.to_urdf(rb.load_rover("sawppy")))
+    bad.write_text("[wheel]\nradius = -1\n")
+    own = session.state.rover
+    with page.expect_file_chooser() as chooser:
+        page.get_by_role("button", name="Upload TOML").click()
+    chooser.value.set_files(bad)
+    page.wait_for_selector("text=That did not work")
+    assert session.state.rover is own
+    assert str(tmp_path) not in page.content()
+    close_notes(page)
+    with page.expect_file_chooser() as chooser:
+        page.get_by_role("button", name="Upload TOML").click()
+    chooser.value.set_files(good)
+    wait_for(lambda: session.state.rover is not own, "the uploaded rover")
+    assert np.allclose(session.state.rover.hubs, rb.load_rover("sawppy").hubs, atol=1e-6)
+    check_numbers(page, session)
+
+
+def test_an_uploaded_geotiff_becomes_the_terrain(page: Any, session: Any, tmp_path: Path) -> None:
+    rasterio = pytest.importorskip("rasterio")
+    from rasterio.transform import from_origin
+
+    file, broken = tmp_path / "yard.tif", tmp_path / "broken.tif"
+    z = np.add.outer(np.linspace(1.5, 0, 60), np.linspace(0, 0.7, 70)).astype("float32")
+    profile = {"driver": "GTiff", "height": 60, "width": 70, "count": 1, "dtype": "float32", "crs": "EPSG:32633"}
+    with rasterio.open(file, "w", transform=from_origin(500000, 4000000, 0.1, 0.1), **profile) as raster:
+        raster.write(z, 1)
+    broken.write_bytes(file.read_bytes()[:300])
+    page.get_by_role("tab", name="Terrain").click()
+    own = session.state.terrain
+    for name in (broken, file):
+        with page.expect_file_chooser() as chooser:
+            page.get_by_role("button", name="Upload a GeoTIFF").click()
+        chooser.value.set_files(name)
+        if name is broken:
+            page.wait_for_selector("text=That did not work")
+            assert session.state.terrain is own
+            close_notes(page)
+    wait_for(lambda: session.state.terrain.name == "yard", "the uploaded terrain")
+    assert session.state.terrain.crs is not None
+    assert session.state.x == pytest.approx(500003.5, abs=0.2)
+    check_numbers(page, session)
+
+
+def test_a_run_plays_and_scrubs(page: Any, session: Any) -> None:
+    page.get_by_role("tab", name="Drive").click()
+    session.later(lambda: session.terrain_panel.use(TERRAIN))
+    session.later(lambda: session.rover_panel.use(ROVER))
+    wait_for(lambda: session.state.rover is ROVER and at_rest(session), "the first rover")
+    panel = session.drive_panel
+    panel.click.value = "adds to the path"
+    for x, y in ((0.0, 0.0), (0.4, 0.1)):
+        page.mouse.click(*pixel_of(session, (x, y, float(TERRAIN.height(x, y)))))
+        count = len(panel.points)
+        wait_for(lambda count=count: len(panel.points) > count or panel.points, "a point of the path")
+    wait_for(lambda: len(panel.points) == 2, "two points")
+    assert np.allclose(panel.points, [(0.0, 0.0), (0.4, 0.1)], atol=0.05)
+    page.get_by_role("button", name="Drive the path").click()
+    wait_for(lambda: panel.run is not None and panel.time > 0.2, "the run plays")
+    page.wait_for_selector('[data-key="charts"] svg')
+    run = panel.run.run
+    slider = page.get_by_role("slider").nth(1)
+    slider.focus()
+    for key, index in (("End", -1), ("Home", 0)):
+        slider.press(key)
+        angle = math.degrees(float(run["roll"][index]))
+        roll = f"{round(angle, 2) + 0.0:.2f}°"
+        wait_for(lambda key=key: panel.time == pytest.approx(panel.run.duration if key == "End" else 0.0, abs=0.02), key)
+        wait_for(lambda roll=roll: text_of(page, "roll") == roll, f"roll {roll} of the run", 10.0)
+    assert not panel.playing
+
+
+def test_visitors_do_not_disturb_each_other_and_leave_nothing(browser: Any, page: Any, session: Any, lab: Any) -> None:
+    place = (session.state.x, session.state.y)
+    second = open_page(browser, lab.url, (400, 300))
+    wait_for(lambda: len(lab.sessions) == 2, "a second session")
+    other = next(s for s in lab.sessions.values() if s is not session)
+    other.later(lambda: other.state.move(0.5, 0.5, 1.0))
+    other.later(lambda: setattr(other.state, "mode", "equilibrium"))
+    wait_for(lambda: other.state.mode == "equilibrium", "the other's mode")
+    assert (session.state.x, session.state.y) == place
+    assert session.state.mode == "contact"
+    second.close()
+    wait_for(lambda: len(lab.sessions) == 1, "the closed tab is forgotten")
+    other.join(10.0)
+    assert not other._thread.is_alive()
