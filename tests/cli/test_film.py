@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 
@@ -18,6 +19,32 @@ def test_a_film_of_a_run_is_written(command: str, tmp_path: Path, capsys: pytest
     assert str(film) in capsys.readouterr().out.split("\n")
     with Image.open(film) as pictures:
         assert pictures.n_frames > 10
+
+
+def test_video_of_a_pose_goes_around_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    film = tmp_path / "pose.gif"
+    assert main(["settle", "-t", "surface:rocks", "-r", "osr", "--video", str(film)]) == 0
+    assert str(film) in capsys.readouterr().out.split("\n")
+    with Image.open(film) as pictures:
+        assert pictures.n_frames == 48
+        first = np.asarray(pictures.convert("RGB"), dtype=float)
+        pictures.seek(24)
+        assert np.abs(np.asarray(pictures.convert("RGB"), dtype=float) - first).mean() > 5, "seen from the other side"
+
+
+@pytest.mark.parametrize(("ending", "start"), [("svg", b"<?xml"), ("pdf", b"%PDF")])
+def test_pictures_are_written_for_print_and_for_dark_pages(
+    ending: str, start: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = ["drive", "-t", "surface:sine", "--path", "0,0 0.2,0", "-o", str(tmp_path), "--format", ending]
+    assert main(line) == 0
+    capsys.readouterr()
+    light = (tmp_path / f"profile.{ending}").read_bytes()
+    assert light.startswith(start)
+    assert main([*line, "--theme", "dark"]) == 0, "pictures of this package may be replaced"
+    assert (tmp_path / f"profile.{ending}").read_bytes() != light
+    assert not list(tmp_path.glob("*.png"))
+    assert main([*line, "--theme", "blue"]) == 2
 
 
 @pytest.mark.parametrize("command", ["drive", "simulate"])

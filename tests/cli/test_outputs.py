@@ -59,6 +59,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 #: Command line of every command that writes, with `out` for the folder of its outputs; and the files that it writes there.
 WRITERS: dict[str, tuple[list[str], list[str]]] = {
     "settle": (["settle", "-t", "dem.tif", "-r", "my.toml", "-o", "out"], ["pose.nc", "pose.png"]),
+    "settle page": (["settle", "-t", "dem.tif", "-r", "my.toml", "--html", "out/p.html"], ["p.html"]),
     "drive": (
         ["drive", "-t", "dem.tif", "-r", "my.toml", "-p", "path.csv", "--step", "0.1", "-o", "out"],
         ["run.nc", "run.csv", "map.png", "profile.png", "worst.png"],

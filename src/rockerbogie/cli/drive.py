@@ -41,7 +41,7 @@ from .common import (
     progress,
     save_netcdf,
 )
-from .pictures import Film, Html, checked_film, checked_page, write_page
+from .pictures import Film, Format, Html, Pictures, Theme, checked_film, checked_page, write_page
 from .rasters import Raster, load_terrain
 from .run_summary import MOTORS, print_summary, summarise, tracking, why_short
 
@@ -53,8 +53,8 @@ EXIT_NOT_THERE, SHORT = 1, 0.05
 
 Waypoints = Annotated[str | None, Parameter(name=["--path", "-p"], allow_leading_hyphen=True)]
 
-#: Chart that `drive --loads` writes.
-LOADS_CHART = "loads.png"
+#: Chart that `drive --loads` writes, without its ending.
+LOADS_CHART = "loads"
 
 
 def drive(
@@ -75,6 +75,8 @@ def drive(
     mcap: Annotated[bool, Parameter(name="--mcap", negative="")] = False,
     film: Film = None,
     html: Html = None,
+    format: Format = "png",
+    theme: Theme = "light",
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -118,12 +120,19 @@ def drive(
         Write a film of the drive: .gif, or .mp4 (needs the film extra).
     html
         Write a page (.html) that replays the drive offline in any browser, with plots.
+    format
+        Format of the pictures: png; svg or pdf for print.
+    theme
+        Colours of the pictures: light or dark page.
     force
         Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
         Print the summary as JSON (SI units, radians) instead of the table.
     """
-    written = in_folder(output, *_files("run"), *(("run.mcap",) if mcap else ()), *((LOADS_CHART,) if loads else ()))
+    drawn = Pictures(format, theme)
+    written = in_folder(
+        output, *_files("run", drawn), *(("run.mcap",) if mcap else ()), *((drawn.name(LOADS_CHART),) if loads else ())
+    )
     written += checked_film(film) + checked_page(html)
     if mcap:
         if output is None:
@@ -140,13 +149,11 @@ def drive(
         run = drive_rover(machine, ground, way, speed, step=step, mode=mode, near=near, loads=loads, gravity=field)
         run = _on_map(run, ground)
         bar.update(task, description="drawing")
-        files = _write_run(machine, ground, run, output, "run")
+        files = _write_run(machine, ground, run, output, "run", drawn)
         if loads and output is not None:
             from ..figures.loads import loads_chart
-            from ..figures.style import save
 
-            save(loads_chart(run), output / LOADS_CHART)
-            files.append(output / LOADS_CHART)
+            files.append(drawn.save(loads_chart(run), output, LOADS_CHART))
         if mcap and output is not None:
             from ..logs.mcap import write_mcap
 
@@ -176,6 +183,8 @@ def simulate(
     output: Folder = None,
     film: Film = None,
     html: Html = None,
+    format: Format = "png",
+    theme: Theme = "light",
     force: Force = False,
     json: Json = False,
 ) -> int:
@@ -211,12 +220,21 @@ def simulate(
         Write a film of the simulated drive: .gif, or .mp4 (needs the film extra).
     html
         Write a page (.html) that replays the simulated drive offline in any browser, with plots.
+    format
+        Format of the pictures: png; svg or pdf for print.
+    theme
+        Colours of the pictures: light or dark page.
     force
         Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
         Print the comparison as JSON (SI units, radians) instead of the table.
     """
-    written = in_folder(output, *_files("simulation"), "attitude.png", "joints.png") + checked_film(film) + checked_page(html)
+    drawn = Pictures(format, theme)
+    written = (
+        in_folder(output, *_files("simulation", drawn), drawn.name("attitude"), drawn.name("joints"))
+        + checked_film(film)
+        + checked_page(html)
+    )
     guard_outputs(written, terrain, rover, path, force=force)
     machine = load_rover(rover)
     ground = load_terrain(terrain, linear, raster)
@@ -230,14 +248,13 @@ def simulate(
         )  # fmt: skip
     beside = settle_along(machine, ground, sim)
     comparison = compare(beside, sim)
-    files = _write_run(machine, ground, sim, output, "simulation")
+    files = _write_run(machine, ground, sim, output, "simulation", drawn)
     if output is not None:
-        from ..figures.style import save
         from ..paper.figures import angles_figure, figures_7_to_9
 
-        drawn = figures_7_to_9(machine)
-        for name, figure in (("attitude.png", "figure7"), ("joints.png", "figure8")):
-            files.append(save(angles_figure(*drawn[figure], run, sim, beside, {}), output / name))
+        curves = figures_7_to_9(machine)
+        for name, figure in (("attitude", "figure7"), ("joints", "figure8")):
+            files.append(drawn.save(angles_figure(*curves[figure], run, sim, beside, {}), output, name))
     if film is not None:
         with progress() as bar:
             files += _write_film(machine, ground, sim, film, bar, bar.add_task("filming", total=None))
@@ -294,28 +311,29 @@ def _on_map(run: xr.Dataset, terrain: Terrain) -> xr.Dataset:
     return run
 
 
-def _files(name: str) -> tuple[str, ...]:
+def _files(name: str, drawn: Pictures) -> tuple[str, ...]:
     """Return the names of the files that `_write_run` writes."""
-    return f"{name}.nc", f"{name}.csv", "map.png", "profile.png", "worst.png"
+    return f"{name}.nc", f"{name}.csv", *map(drawn.name, ("map", "profile", "worst"))
 
 
-def _write_run(rover: Rover, terrain: Terrain, run: xr.Dataset, output: FilePath | None, name: str) -> list[FilePath]:
+def _write_run(
+    rover: Rover, terrain: Terrain, run: xr.Dataset, output: FilePath | None, name: str, drawn: Pictures
+) -> list[FilePath]:
     """Write pictures and data of a run into the folder `output`; return the files."""
     if output is None:
         return []
     from ..figures.charts import run_map, run_profile, worst_of
     from ..figures.closeup import pose_figure
-    from ..figures.style import save
 
     folder = make_folder(output)
     save_netcdf(run, folder / f"{name}.nc")
     to_csv(run, folder / f"{name}.csv")
-    save(run_map(rover, terrain, run), folder / "map.png")
-    save(run_profile(rover, terrain, run), folder / "profile.png")
+    drawn.save(run_map(rover, terrain, run), folder, "map")
+    drawn.save(run_profile(rover, terrain, run), folder, "profile")
     if (worst := worst_of(rover, run)) is not None:
         title = f"{rover.name} on {terrain.name}, worst: {worst.reason}"
-        save(pose_figure(rover, terrain, run.isel(time=worst.station), title), folder / "worst.png")
-    return in_folder(folder, *_files(name))
+        drawn.save(pose_figure(rover, terrain, run.isel(time=worst.station), title), folder, "worst")
+    return in_folder(folder, *_files(name, drawn))
 
 
 def _write_film(

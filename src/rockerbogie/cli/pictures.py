@@ -1,19 +1,55 @@
-"""Options of the commands for films and pages, their checks, and the writing of pages."""
+"""Options of the commands for pictures, films and pages, their checks, and their writing."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 from cyclopts import Parameter
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.figure import Figure
 
     from ..settling.pose import Pose
 
 Film = Annotated[Path | None, Parameter(name=["--film", "--video"])]
 Html = Annotated[Path | None, Parameter(name="--html")]
+Theme = Annotated[Literal["light", "dark"], Parameter(name="--theme")]
+Format = Annotated[Literal["png", "svg", "pdf"], Parameter(name="--format")]
+
+
+class Pictures(NamedTuple):
+    """File format and theme of a command's pictures."""
+
+    format: Literal["png", "svg", "pdf"]
+    theme: Literal["light", "dark"]
+
+    def name(self, stem: str) -> str:
+        """Return the file name of a picture.
+
+        Args:
+            stem: name without ending.
+
+        Returns:
+            The name with the ending of the format.
+        """
+        return f"{stem}.{self.format}"
+
+    def save(self, made: Figure, folder: Path, stem: str) -> Path:
+        """Write a picture.
+
+        Args:
+            made: the figure.
+            folder: an existing folder.
+            stem: name without ending.
+
+        Returns:
+            The file.
+        """
+        from ..figures.style import save
+
+        return save(made, folder / self.name(stem), theme=self.theme)
 
 
 def checked_film(film: Path | None) -> list[Path]:

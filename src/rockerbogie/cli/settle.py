@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -33,9 +34,10 @@ from .common import (
     middle,
     parse_point,
     print_json,
+    progress,
     save_netcdf,
 )
-from .pictures import Html, checked_page, write_page
+from .pictures import Film, Format, Html, Pictures, Theme, checked_film, checked_page, write_page
 from .rasters import Raster, load_terrain
 
 #: Exit code if there is no pose: a result, not a wrong call.
@@ -53,7 +55,10 @@ def settle(
     linear: Linear = None,
     raster: Raster = None,
     output: Folder = None,
+    film: Film = None,
     html: Html = None,
+    format: Format = "png",
+    theme: Theme = "light",
     force: Force = False,
     json: Json = False,
 ) -> int:
@@ -81,14 +86,22 @@ def settle(
         Bilinear or smooth cubic terrain between the nodes. Default: cubic for files.
     output
         Folder for the picture and the data.
+    film
+        Write a film that goes once around the rover: .gif, or .mp4 (needs the film extra).
     html
         Write a page (.html) that shows the pose in three dimensions, offline in any browser.
+    format
+        Format of the picture: png; svg or pdf for print.
+    theme
+        Colours of the picture: light or dark page.
     force
         Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
         Print JSON (SI units, radians) instead of the table.
     """
-    guard_outputs(in_folder(output, "pose.nc", "pose.png") + checked_page(html), terrain, rover, force=force)
+    drawn = Pictures(format, theme)
+    written = in_folder(output, "pose.nc", drawn.name("pose")) + checked_film(film) + checked_page(html)
+    guard_outputs(written, terrain, rover, force=force)
     machine = load_rover(rover)
     ground = load_terrain(terrain, linear, raster)
     x, y = middle(ground) if at is None else parse_point(at, "--at")
@@ -101,16 +114,15 @@ def settle(
     files = []
     if output is not None:
         from ..figures.closeup import pose_figure
-        from ..figures.style import save
 
         folder = make_folder(output)
         data = pose.to_xarray()
         save_netcdf(data, folder / "pose.nc")
         files.append(folder / "pose.nc")
         if found:
-            files.append(save(pose_figure(machine, ground, data, f"{machine.name} on {ground.name}"), folder / "pose.png"))
+            files.append(drawn.save(pose_figure(machine, ground, data, f"{machine.name} on {ground.name}"), folder, "pose"))
     if found:
-        files += write_page(pose, html, force)
+        files += _write_film(pose, film) + write_page(pose, html, force)
     if json:
         print_json(_record(pose, status) | {"files": files})
     else:
@@ -118,6 +130,18 @@ def settle(
         for file in files:
             print(file)
     return 0 if found else EXIT_NO_POSE
+
+
+def _write_film(pose: Pose, film: Path | None) -> list[Path]:
+    """Write a film around a pose; return the file, or no file if `film` is None."""
+    if film is None:
+        return []
+    from ..figures.film import write_turn
+
+    make_folder(film.parent)
+    with progress() as bar:
+        task = bar.add_task("filming", total=None)
+        return [write_turn(film, pose, progress=lambda done, total: bar.update(task, completed=done, total=total))]
 
 
 def _steering(rover: Rover, text: str | None) -> NDArray[np.float64] | None:

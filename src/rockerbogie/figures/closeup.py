@@ -46,7 +46,7 @@ def pose_figure(
     Returns:
         The figure.
     """
-    bounds = _patch(rover, record, terrain)
+    bounds = patch_around(rover, record, terrain)
     base = block_base(sample_ground(terrain, bounds)[2])
     mesh = Mesh.join([ground_mesh(terrain, bounds, base), stance_mesh(rover, record)])
     azimuth, elevation = view or (_seen_from(terrain, record, bounds), np.radians(21))
@@ -147,8 +147,17 @@ def _millimetres(gap: float) -> str:
     return "0" if abs(gap) < 5e-7 else f"{1e3 * gap:.3f}"
 
 
-def _patch(rover: Rover, record: xr.Dataset, terrain: Terrain) -> Bounds:
-    """Return the part of the terrain under the rover, with a margin, m."""
+def patch_around(rover: Rover, record: xr.Dataset, terrain: Terrain) -> Bounds:
+    """Return the part of the terrain under the rover, with a margin.
+
+    Args:
+        rover: the rover.
+        record: one pose with its contact points.
+        terrain: the terrain it is on.
+
+    Returns:
+        xmin, ymin, xmax, ymax, m.
+    """
     point = record["contact_point"].values[:, :2]
     room = 0.3 * rover.wheelbase + float(rover.wheel_radius.max())
     low = np.maximum(np.nanmin(point, axis=0) - room, terrain.bounds[:2])

@@ -15,8 +15,11 @@ from PIL import Image
 from ..errors import RockerbogieError, require
 from ..outputs import SOURCE
 from ..rover.model import Rover
+from ..scene.terrain_mesh import block_base
+from ..settling.pose import Pose
 from ..terrain.heightfield import Terrain
-from .render import Camera, Mesh
+from .closeup import patch_around
+from .render import Camera, Mesh, render
 from .scene import Bounds, grid_step, picture_height, stance_mesh, sunlit, trail_mesh
 from .style import COLOURS, LEFT, RIGHT, figure, look
 from .terrain_block import ground_mesh, sample_ground
@@ -81,6 +84,48 @@ def write_film(
     at = known[np.unique(np.linspace(0, known.size - 1, frames).round().astype(int))]
     pictures = _pictures(rover, terrain, run, at, view, bounds, tracks, progress)
     return write_pictures(path, pictures, rate)
+
+
+def write_turn(
+    file: str | Path, pose: Pose, *, frames: int = 48, rate: float = 12.5, progress: Progress = lambda done, total: None
+) -> Path:
+    """Write a film that goes once around a pose, GIF or MP4 by the ending of the file name.
+
+    Args:
+        file: ends in .gif or .mp4 (the latter needs the film extra).
+        pose: one pose that is not NaN.
+        frames: number of pictures.
+        rate: pictures per second.
+        progress: called with pictures done and pictures in all.
+
+    Returns:
+        The file.
+
+    Raises:
+        RockerbogieError: another ending, several poses, a NaN pose, PyAV not installed.
+    """
+    check_film(Path(file))
+    if pose.shape or not np.isfinite(pose.z):
+        raise RockerbogieError("a film around a pose needs one pose that is not NaN: select one, and see its status")
+    return write_pictures(Path(file), _turn(pose, frames, progress), rate)
+
+
+def _turn(pose: Pose, frames: int, progress: Progress) -> Iterator[Picture]:
+    """Yield pictures (height, width, 3) from all around a pose, at one scale and under one sun."""
+    record, terrain = pose.to_xarray(), pose.terrain
+    bounds = patch_around(pose.rover, record, terrain)
+    ground = ground_mesh(terrain, bounds, block_base(sample_ground(terrain, bounds, 40)[2]), CELLS)
+    mesh = Mesh.join([ground, stance_mesh(pose.rover, record)])
+    low, high = mesh.corners.min(axis=(0, 1)), mesh.corners.max(axis=(0, 1))
+    around = np.linspace(0, 2 * np.pi, 48, endpoint=False)
+    ring = 0.5 * float(np.hypot(*(high - low)[:2])) * np.stack([np.cos(around), np.sin(around)], axis=1) + (low + high)[:2] / 2
+    hull = np.concatenate([np.insert(ring, 2, z, axis=1) for z in (low[2], high[2])])  # a cylinder: the same from all sides
+    for k in range(frames):
+        azimuth = VIEW[0] + 2 * np.pi * k / frames
+        camera = Camera.framing(hull, azimuth, VIEW[1], (WIDTH, round(0.62 * WIDTH)))
+        scene = render(mesh, camera, sun=(VIEW[0] + 0.7, np.radians(48.0)), grid=grid_step(bounds))
+        progress(k + 1, frames)
+        yield (255 * (scene[..., :3] * scene[..., 3:] + 1 - scene[..., 3:])).astype(np.uint8)
 
 
 def write_pictures(path: Path, pictures: Iterator[Picture], rate: float) -> Path:

@@ -1,6 +1,7 @@
 """Public drawing functions, `rockerbogie.plot`: they return figures and write files.
 
-All take `file` (.png, .svg or .pdf by its ending), `size` (width, height in inches) and `dpi` (of a .png).
+All take `file` (.png, .svg or .pdf by its ending), `size` (width, height in inches), `dpi` (of a .png) and `theme` (light or
+dark).
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from ..motion.path_files import Route
     from ..settling.pose import Pose
     from ..statics.climb import Climb
+    from .theme import Theme
 
 __all__ = ["climb", "film", "map", "odometry", "pose", "rover", "run", "steps", "terrain", "track", "validation"]
 
@@ -38,7 +40,8 @@ _ENDINGS = (".png", ".svg", ".pdf")
 
 def pose(
     pose: Pose | xr.Dataset, file: str | Path | None = None, *, rover: Rover | None = None, terrain: Terrain | None = None,
-    title: str | None = None, view: View | None = None, size: Size | None = None, dpi: float | None = None, force: bool = False,
+    title: str | None = None, view: View | None = None, size: Size | None = None, dpi: float | None = None,
+    theme: Theme = "light", force: bool = False,
 ) -> Figure:  # fmt: skip
     """Draw the rover in one pose on its terrain, with its contacts and its numbers.
 
@@ -51,6 +54,7 @@ def pose(
         view: azimuth (from +x, counter-clockwise) and elevation of the camera, rad; default: from the downhill side.
         size: width and height, inches.
         dpi: pixels per inch of a .png.
+        theme: light or dark page.
         force: replace a file that this package did not write.
 
     Returns:
@@ -74,12 +78,12 @@ def pose(
     if not np.isfinite(float(data["z"])):
         raise RockerbogieError("the pose is NaN and cannot be drawn: see its status")
     text = f"{rover.name} on {terrain.name}" if title is None else title
-    return _finish(lambda: pose_figure(rover, terrain, data, text, view=_view(view)), file, size, dpi, force)
+    return _finish(lambda: pose_figure(rover, terrain, data, text, view=_view(view)), file, size, dpi, theme, force)
 
 
 def run(
     run: xr.Dataset, file: str | Path | None = None, *, rover: Rover | None = None, terrain: Terrain | None = None,
-    size: Size | None = None, dpi: float | None = None, force: bool = False,
+    size: Size | None = None, dpi: float | None = None, theme: Theme = "light", force: bool = False,
 ) -> Figure:  # fmt: skip
     """Draw heights, attitude, joints, clearance and status of a run over the distance driven.
 
@@ -90,6 +94,7 @@ def run(
         terrain: default: the terrain of the run, while that is in memory.
         size: width and height, inches.
         dpi: pixels per inch of a .png.
+        theme: light or dark page.
         force: replace a file that this package did not write.
 
     Returns:
@@ -97,12 +102,12 @@ def run(
     """
     from .charts import run_profile
 
-    return _finish_run(run_profile, run, rover, terrain, file, size, dpi, force)
+    return _finish_run(run_profile, run, rover, terrain, file, size, dpi, theme, force)
 
 
 def track(
     run: xr.Dataset, file: str | Path | None = None, *, rover: Rover | None = None, terrain: Terrain | None = None,
-    size: Size | None = None, dpi: float | None = None, force: bool = False,
+    size: Size | None = None, dpi: float | None = None, theme: Theme = "light", force: bool = False,
 ) -> Figure:  # fmt: skip
     """Draw the path of a run on the terrain from above, coloured by tilt.
 
@@ -113,6 +118,7 @@ def track(
         terrain: default: the terrain of the run, while that is in memory.
         size: width and height, inches.
         dpi: pixels per inch of a .png.
+        theme: light or dark page.
         force: replace a file that this package did not write.
 
     Returns:
@@ -120,12 +126,12 @@ def track(
     """
     from .charts import run_map
 
-    return _finish_run(run_map, run, rover, terrain, file, size, dpi, force)
+    return _finish_run(run_map, run, rover, terrain, file, size, dpi, theme, force)
 
 
 def map(
     maps: xr.Dataset, file: str | Path | None = None, *, terrain: Terrain | str | Path | None = None, route: Route | None = None,
-    size: Size | None = None, dpi: float | None = None, force: bool = False,
+    size: Size | None = None, dpi: float | None = None, theme: Theme = "light", force: bool = False,
 ) -> Figure:  # fmt: skip
     """Draw a map: cells coloured by the share of headings passable, over shaded terrain.
 
@@ -136,6 +142,7 @@ def map(
         route: from `plan`, to draw over it.
         size: width and height, inches.
         dpi: pixels per inch of a .png.
+        theme: light or dark page.
         force: replace a file that this package did not write.
 
     Returns:
@@ -144,12 +151,12 @@ def map(
     from ..maps.preview import overview
     from .terrain_map import terrain_map
 
-    return _finish(lambda: terrain_map(overview(maps, terrain), route), file, size, dpi, force)
+    return _finish(lambda: terrain_map(overview(maps, terrain), route), file, size, dpi, theme, force)
 
 
 def terrain(
     terrain: Terrain, file: str | Path | None = None, *, bounds: tuple[float, float, float, float] | None = None,
-    view: View | None = None, size: Size | None = None, dpi: float | None = None, force: bool = False,
+    view: View | None = None, size: Size | None = None, dpi: float | None = None, theme: Theme = "light", force: bool = False,
 ) -> Figure:  # fmt: skip
     """Draw a terrain in three dimensions.
 
@@ -160,6 +167,7 @@ def terrain(
         view: azimuth (from +x, counter-clockwise) and elevation of the camera, rad.
         size: width and height, inches.
         dpi: pixels per inch of a .png.
+        theme: light or dark page.
         force: replace a file that this package did not write.
 
     Returns:
@@ -169,12 +177,12 @@ def terrain(
 
     expect(terrain, Terrain, "terrain", "make one with rockerbogie.Terrain.from_array, from_raster or rockerbogie.surfaces")
     part = terrain.bounds if bounds is None else _bounds(terrain, bounds)
-    return _finish(lambda: terrain_figure(terrain, part, _view(view)), file, size, dpi, force)
+    return _finish(lambda: terrain_figure(terrain, part, _view(view)), file, size, dpi, theme, force)
 
 
 def odometry(
     track: xr.Dataset, flat: xr.Dataset, log: xr.Dataset, file: str | Path | None = None, *, size: Size | None = None,
-    dpi: float | None = None, force: bool = False,
+    dpi: float | None = None, theme: Theme = "light", force: bool = False,
 ) -> Figure:  # fmt: skip
     """Draw 3-D and flat odometry from above and from the side, and the slip of the wheels.
 
@@ -185,6 +193,7 @@ def odometry(
         file: the picture to write.
         size: width and height, inches.
         dpi: pixels per inch of a .png.
+        theme: light or dark page.
         force: replace a file that this package did not write.
 
     Returns:
@@ -192,11 +201,17 @@ def odometry(
     """
     from .odometry import odometry_figure
 
-    return _finish(lambda: odometry_figure(track, flat, log), file, size, dpi, force)
+    return _finish(lambda: odometry_figure(track, flat, log), file, size, dpi, theme, force)
 
 
 def validation(
-    found: xr.Dataset, file: str | Path | None = None, *, size: Size | None = None, dpi: float | None = None, force: bool = False
+    found: xr.Dataset,
+    file: str | Path | None = None,
+    *,
+    size: Size | None = None,
+    dpi: float | None = None,
+    theme: Theme = "light",
+    force: bool = False,
 ) -> Figure:
     """Draw predicted and logged attitude, with the uncertainty band of each place.
 
@@ -205,6 +220,7 @@ def validation(
         file: the picture to write.
         size: width and height, inches.
         dpi: pixels per inch of a .png.
+        theme: light or dark page.
         force: replace a file that this package did not write.
 
     Returns:
@@ -212,12 +228,12 @@ def validation(
     """
     from .validation import validation_figure
 
-    return _finish(lambda: validation_figure(found), file, size, dpi, force)
+    return _finish(lambda: validation_figure(found), file, size, dpi, theme, force)
 
 
 def rover(
     rover: Rover, file: str | Path | None = None, *, title: str = "", size: Size | None = None, dpi: float | None = None,
-    force: bool = False,
+    theme: Theme = "light", force: bool = False,
 ) -> Figure:  # fmt: skip
     """Draw a rover from the left and from above, with its dimensions.
 
@@ -227,6 +243,7 @@ def rover(
         title: text above; default: the rover's name.
         size: width and height, inches.
         dpi: pixels per inch of a .png.
+        theme: light or dark page.
         force: replace a file that this package did not write.
 
     Returns:
@@ -235,12 +252,12 @@ def rover(
     from .blueprint import blueprint
 
     expect(rover, Rover, "rover", LOAD_ROVER)
-    return _finish(lambda: blueprint(rover, title), file, size, dpi, force)
+    return _finish(lambda: blueprint(rover, title), file, size, dpi, theme, force)
 
 
 def climb(
     run: Climb, file: str | Path | None = None, *, title: str = "", size: Size | None = None, dpi: float | None = None,
-    force: bool = False,
+    theme: Theme = "light", force: bool = False,
 ) -> Figure:  # fmt: skip
     """Draw the rover at its hardest station, and friction and torque along the way.
 
@@ -250,6 +267,7 @@ def climb(
         title: text above; default: rover, obstacle and verdict.
         size: width and height, inches.
         dpi: pixels per inch of a .png.
+        theme: light or dark page.
         force: replace a file that this package did not write.
 
     Returns:
@@ -259,12 +277,12 @@ def climb(
     from .climbing import climb_figure
 
     expect(run, Climb, "run", "give what rockerbogie.climb returns")
-    return _finish(lambda: climb_figure(run, title), file, size, dpi, force)
+    return _finish(lambda: climb_figure(run, title), file, size, dpi, theme, force)
 
 
 def steps(
     rover: Rover, file: str | Path | None = None, *, friction: float | None = None, size: Size | None = None,
-    dpi: float | None = None, force: bool = False,
+    dpi: float | None = None, theme: Theme = "light", force: bool = False,
 ) -> Figure:  # fmt: skip
     """Draw the friction that a rover needs against the height of a step.
 
@@ -274,6 +292,7 @@ def steps(
         friction: coefficient to mark.
         size: width and height, inches.
         dpi: pixels per inch of a .png.
+        theme: light or dark page.
         force: replace a file that this package did not write.
 
     Returns:
@@ -282,7 +301,7 @@ def steps(
     from .climbing import step_chart
 
     expect(rover, Rover, "rover", LOAD_ROVER)
-    return _finish(lambda: step_chart(rover, friction), file, size, dpi, force)
+    return _finish(lambda: step_chart(rover, friction), file, size, dpi, theme, force)
 
 
 def film(
@@ -354,16 +373,19 @@ def _resize(figure: Figure, size: Size) -> None:
 
 def _finish_run(
     draw: Callable[[Rover, Terrain, xr.Dataset], Figure], run: xr.Dataset, rover: Rover | None, terrain: Terrain | None,
-    file: str | Path | None, size: Size | None, dpi: float | None, force: bool,
+    file: str | Path | None, size: Size | None, dpi: float | None, theme: Theme, force: bool,
 ) -> Figure:  # fmt: skip
     """Draw a run with its rover and terrain, and write the figure."""
     rover, terrain = scene_of(run, rover, terrain)
-    return _finish(lambda: draw(rover, terrain, run), file, size, dpi, force)
+    return _finish(lambda: draw(rover, terrain, run), file, size, dpi, theme, force)
 
 
-def _finish(draw: Callable[[], Figure], file: str | Path | None, size: Size | None, dpi: float | None, force: bool) -> Figure:
+def _finish(
+    draw: Callable[[], Figure], file: str | Path | None, size: Size | None, dpi: float | None, theme: Theme, force: bool
+) -> Figure:
     """Check the file, draw, and write."""
     from .style import save
+    from .theme import check_theme, darken
 
     if size is not None and not (len(size) == 2 and np.isfinite(size).all() and min(size) > 0):
         raise RockerbogieError(f"size is {size!r}: give (width, height) in inches")
@@ -373,9 +395,12 @@ def _finish(draw: Callable[[], Figure], file: str | Path | None, size: Size | No
         if Path(file).suffix.lower() not in _ENDINGS:
             raise RockerbogieError(f"{str(file)!r} is not the name of a picture: end it in {', '.join(_ENDINGS)}")
         check_outputs([file], force=force)
+    check_theme(theme)
     figure = draw()
     if size is not None:
         _resize(figure, size)
+    if theme == "dark":
+        darken(figure)
     if file is not None:
         Path(file).parent.mkdir(parents=True, exist_ok=True)
         save(figure, file, dpi)

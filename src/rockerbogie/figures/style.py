@@ -9,6 +9,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from ..outputs import SOURCE, remove_sidecars
+from .theme import Theme, darken
 
 # Palette of Okabe and Ito; left is always blue, right always vermilion.
 LEFT, RIGHT = "#0072B2", "#D55E00"
@@ -53,17 +54,20 @@ def look() -> Any:
     return rc_context(_LOOK)  # type: ignore[arg-type]
 
 
-def save(made: Figure, file: str | Path, dpi: float | None = None) -> Path:
+def save(made: Figure, file: str | Path, dpi: float | None = None, theme: Theme = "light") -> Path:
     """Write a figure as .png, .svg or .pdf; the same figure gives the same bytes.
 
     Args:
         made: the figure.
         file: the picture to write.
         dpi: pixels per inch of a .png; None for the figure's own.
+        theme: light or dark page.
 
     Returns:
         The file.
     """
+    if theme == "dark":
+        darken(made)
     path = Path(file)
     dates = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
     key = "Software" if path.suffix.lower() == ".png" else "Creator"
