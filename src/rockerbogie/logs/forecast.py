@@ -37,7 +37,7 @@ USUAL_SLOPE, SMALLEST = 0.2, 0.02
 #: Distance of the forecast, m; warnings look two measurements, 2 m, ahead.
 AHEAD, WARNING_REACH = 1.0, 2.0
 #: A warning is given at this probability: being stuck costs as much as 1 / THRESHOLD stops to look.
-LIMIT, THRESHOLD = 0.8, 0.02
+LIMIT, THRESHOLD = 0.8, 0.015
 #: Measurements before the first warning: until then the bank has no level.
 FEWEST = 3
 #: Travel between two forecasts without a new measurement, m.
