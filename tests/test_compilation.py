@@ -26,7 +26,7 @@ SIGNATURES = {
     batch.settle_cubic: 1, batch.settle_linear: 1, batch.settle_left: 2, batch.rest_batch: 2, batch.rest_left: 2,
     batch.touch_batch: 2, batch.clearance_batch: 2, ground.surface_batch: 2, gap.verify_batch: 1,
     batch.settle_bridged: 2, batch.rest_bridged: 2, loads.belly_batch: 2, loads.loads_batch: 1, loads.stability_batch: 1,
-    forces.forces_batch: 1, forces.nodes_batch: 1, table.table_batch: 1, table.motion_table_batch: 1,
+    forces.forces_batch: 1, forces.motion_batch: 1, table.table_batch: 1, table.motion_table_batch: 1,
     jacobians.wheel_jacobians_batch: 1, raster_kernels.shade: 1, raster_kernels.rasterise: 1,
 }  # fmt: skip
 #: Ordinary use of one pose and of many, in a process that may not compile.

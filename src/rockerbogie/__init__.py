@@ -110,6 +110,11 @@ if TYPE_CHECKING:
     from .simulation.compare import settle_along as settle_along
     from .simulation.mjcf import to_mjcf as to_mjcf
     from .simulation.simulate import simulate as simulate
+    from .soil.fit import TrialResiduals as TrialResiduals
+    from .soil.fit import WheelFit as WheelFit
+    from .soil.fit import WheelTrials as WheelTrials
+    from .soil.fit import fit_slip_curve as fit_slip_curve
+    from .soil.fit import fit_wheel_trials as fit_wheel_trials
     from .soil.forces import ForceStatus as ForceStatus
     from .soil.forces import WheelForces as WheelForces
     from .soil.forces import wheel_soil_forces as wheel_soil_forces
@@ -178,6 +183,11 @@ _EXPORTS = {
     "Grousers": "soil.laws",
     "Coulomb": "soil.laws",
     "SlipCurve": "soil.laws",
+    "fit_wheel_trials": "soil.fit",
+    "fit_slip_curve": "soil.fit",
+    "WheelTrials": "soil.fit",
+    "WheelFit": "soil.fit",
+    "TrialResiduals": "soil.fit",
     "LoadStatus": "statics.loads",
     "Stability": "statics.stability",
     "stability": "statics.stability",

@@ -32,6 +32,7 @@ def wmrde_law() -> np.ndarray:
         shear_modulus_angle=0.0,
         side_shear_modulus=None,
         side_shear_modulus_angle=0.0,
+        coupled=True,
         bulldozing=0.0,
     )
     law = soil.packed(WHEEL, 9.81)
@@ -42,7 +43,7 @@ def wmrde_law() -> np.ndarray:
 def kernel_forces(law: np.ndarray, h: float, s: float, angle: float, u: float, w: float) -> np.ndarray:
     """Return drawbar, side force, torque and vertical force of the kernel."""
     out = np.empty(4)
-    stress_forces(law, h, s, angle, u, w, out)
+    stress_forces(law, h, s, 0.0, angle, u, w, out)
     return out
 
 
@@ -70,7 +71,7 @@ def test_wmrde_trapezoidal_sums_are_those_of_the_kernel_stresses() -> None:
     for h, s, b in motions():
         u, w = 1 - s, (1 - abs(s)) * np.tan(b)
         reference = Stresses(WMRDE, h, s, u, w)
-        entry, peak, leave = contact_arc(law, h, s)
+        entry, peak, leave = contact_arc(law, h, s, 0.0)
         assert (entry, peak, leave) == pytest.approx((reference.tf, reference.tm, reference.tr), rel=1e-12)
         t = np.linspace(leave, entry, 61)
         normal = np.array([reference.sigma(x) for x in t])

@@ -37,6 +37,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "bench": ("rockerbogie.cli.bench:bench", "Time settling, as ratios to the paper's method and MuJoCo in the same run."),
     "compile": ("rockerbogie.cli.compile:compile_", "Compile all kernels for this machine in advance."),
     "rovers": ("rockerbogie.cli.rovers:app", "List rovers, show one, start a rover file, or import a robot file."),
+    "soils": ("rockerbogie.cli.soils:soils_", "List soils, show one, draw the forces on a wheel in it."),
     "export": ("rockerbogie.cli.export:export", "Export a rover as URDF, SDF, MJCF or TOML, or with terrain as a Gazebo world."),
 }
 

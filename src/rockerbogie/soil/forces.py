@@ -141,6 +141,13 @@ def wheel_soil_forces(
     return WheelForces(parts[0], parts[1], parts[2], parts[3], status.reshape(shape))
 
 
+def _whole(value: float) -> int:
+    """Return a number of passes; raise an error if it is not whole."""
+    if value != int(value):
+        raise RockerbogieError(f"passes is {value:g}: give 1 for undisturbed soil, 2 for the second wheel in a rut, ...")
+    return int(value)
+
+
 def _laws(
     law: WheelLaw, gravity: float, grousers: Grousers | None, arrays: list[Array], shape: tuple[int, ...]
 ) -> tuple[Array, NDArray[np.int64]]:
@@ -148,6 +155,6 @@ def _laws(
     wheels = np.broadcast_arrays(arrays[0], arrays[1], arrays[5])
     rows = np.stack([part.ravel() for part in wheels], axis=1)
     distinct, inverse = np.unique(rows, axis=0, return_inverse=True)
-    packed = [law.packed(Wheel(float(r), float(b), grousers, int(n) if n == int(n) else n), gravity) for r, b, n in distinct]
+    packed = [law.packed(Wheel(float(r), float(b), grousers, _whole(n)), gravity) for r, b, n in distinct]
     which = np.broadcast_to(inverse.reshape(wheels[0].shape), shape)
     return np.array(packed).reshape(len(packed), lay.LAW_SIZE), np.ascontiguousarray(which, dtype=np.int64).ravel()

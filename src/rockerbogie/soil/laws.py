@@ -12,6 +12,9 @@ from .._kernels.soil import layout as lay
 from ..arrays import Array
 from ..errors import RockerbogieError
 
+#: Factors of slip s, s², side motion y, y s and y s².
+Terms = tuple[float, float, float, float, float]
+NO_TERMS: Terms = (0.0, 0.0, 0.0, 0.0, 0.0)
 #: Largest sinkage of a wheel as a fraction of its radius.
 DEEPEST = 0.95
 #: Limits of a wheel's radius, its width and the height of its grousers, m.
@@ -207,18 +210,19 @@ class Soil:
         kc: cohesive modulus, N/m^(n+1); dimensionless for Reece.
         kphi: frictional modulus, N/m^(n+2); dimensionless for Reece.
         exponent: n.
-        exponent_slip: growth of n with |slip| (slip sinkage).
+        exponent_terms: change of n with slip s and side motion y: factors of s, s², y, y s and y s² (slip sinkage), z in m.
         pressure: "bekker" or "reece".
         shear_modulus: K, m; kx of Ishigami if `side_shear_modulus` is given.
         shear_modulus_angle: growth of K with |slip angle|, m/rad.
-        side_shear_modulus: ky of Ishigami, m. None: shear stress opposes the displacement, with one modulus.
+        side_shear_modulus: across the wheel (ky of Ishigami), m. None: as along it.
         side_shear_modulus_angle: growth of ky, m/rad.
+        coupled: True: shear stress opposes the shear displacement. False: its components are independent (Ishigami).
         density: kg/m³.
-        peak: a0; the largest normal stress is at (a0 + a1 slip) times the entry angle.
-        peak_slip: a1, driving.
-        peak_skid: a1, skidding. None: as driving.
-        exit: exit depth over sinkage; the rim leaves the soil at this fraction.
-        exit_slip: growth of that fraction with |slip|.
+        peak, peak_terms: a; the largest normal stress is at a times the entry angle. Terms as for the exponent; Wong and Reece's
+            a1 is the first.
+        exit, exit_terms: exit depth over sinkage: the rim leaves the soil there. Terms as for the exponent.
+        slip_speed: slip in these terms is relative to the speed along the "heading" or of "travel".
+        exponent_grouser, exit_grouser: growth of n and of the exit fraction with grouser height / radius × slip², driving.
         destructive_angle: of the soil that the side wall bulldozes, rad. None: pi/4 - phi/2.
         bulldozing: factor on the bulldozing force; 0: none.
         rut_exponent: a of z_n = z_1 n^(1/a), the depth of a rut after n passes.
@@ -233,18 +237,21 @@ class Soil:
     kc: float
     kphi: float
     exponent: float
-    exponent_slip: float = 0.0
+    exponent_terms: Terms = NO_TERMS
     pressure: str = "bekker"
     shear_modulus: float
     shear_modulus_angle: float = 0.0
     side_shear_modulus: float | None = None
     side_shear_modulus_angle: float = 0.0
+    coupled: bool = True
     density: float
     peak: float = 0.4
-    peak_slip: float = 0.15
-    peak_skid: float | None = None
+    peak_terms: Terms = (0.15, 0.0, 0.0, 0.0, 0.0)
     exit: float = 0.0
-    exit_slip: float = 0.0
+    exit_terms: Terms = NO_TERMS
+    slip_speed: str = "heading"
+    exponent_grouser: float = 0.0
+    exit_grouser: float = 0.0
     destructive_angle: float | None = None
     bulldozing: float = 1.0
     rut_exponent: float = 3.0
@@ -265,20 +272,20 @@ class Soil:
         height = wheel.grousers.height if wheel.grousers else 0.0
         lug = height / wheel.width
         law = np.zeros(lay.LAW_SIZE)
-        law[lay.L_KIND], law[lay.L_RADIUS], law[lay.L_WIDTH] = lay.SOIL, wheel.radius, wheel.width
-        law[lay.L_SHEAR_RADIUS] = wheel.radius + height
+        law[lay.L_KIND], law[lay.L_RADIUS], law[lay.L_WIDTH] = lay.SOIL, wheel.radius + height, wheel.width
         law[lay.L_COHESION] = self.cohesion * (1.0 + 2.0 * lug)
         law[lay.L_FRICTION] = math.tan(self.friction_angle) * (1.0 + 0.64 * lug * (0.5 * math.pi - math.atan(lug)))
         law[lay.L_STIFFNESS] = self.stiffness(wheel.width, gravity) * self.rut_hardening(wheel.passes)
-        law[lay.L_EXPONENT], law[lay.L_EXPONENT_SLIP] = self.exponent, self.exponent_slip
-        law[lay.L_REFERENCE] = wheel.radius
-        law[lay.L_PEAK], law[lay.L_PEAK_DRIVE] = self.peak, self.peak_slip
-        law[lay.L_PEAK_SKID] = self.peak_slip if self.peak_skid is None else self.peak_skid
-        law[lay.L_EXIT], law[lay.L_EXIT_SLIP] = self.exit, self.exit_slip
+        for at, name in ((lay.L_EXPONENT, "exponent"), (lay.L_PEAK, "peak"), (lay.L_EXIT, "exit")):
+            law[at] = getattr(self, name)
+            law[at + 1 : at + lay.TERMS] = getattr(self, f"{name}_terms")
         law[lay.L_KX], law[lay.L_KX_ANGLE] = self.shear_modulus, self.shear_modulus_angle
-        isotropic = self.side_shear_modulus is None
-        law[lay.L_ISOTROPIC] = float(isotropic)
-        law[lay.L_KY], law[lay.L_KY_ANGLE] = self.side_shear_modulus or self.shear_modulus, self.side_shear_modulus_angle
+        side = self.side_shear_modulus is not None
+        law[lay.L_KY] = self.side_shear_modulus if side else self.shear_modulus
+        law[lay.L_KY_ANGLE] = self.side_shear_modulus_angle if side else self.shear_modulus_angle
+        law[lay.L_COUPLED], law[lay.L_TRAVEL] = self.coupled, self.slip_speed == "travel"
+        law[lay.L_LUG] = height / wheel.radius
+        law[lay.L_LUG_EXPONENT], law[lay.L_LUG_EXIT] = self.exponent_grouser, self.exit_grouser
         phi = self.friction_angle
         angle = 0.25 * math.pi - 0.5 * phi if self.destructive_angle is None else self.destructive_angle
         cot = 1.0 / math.tan(angle)
@@ -286,7 +293,7 @@ class Soil:
         second = cot + cot * cot * math.tan(phi)
         law[lay.L_BULLDOZE_1] = self.bulldozing * first * self.cohesion
         law[lay.L_BULLDOZE_2] = self.bulldozing * first * second * 0.5 * self.density * gravity
-        law[lay.L_DEEPEST] = DEEPEST * wheel.radius
+        law[lay.L_DEEPEST] = DEEPEST * law[lay.L_RADIUS]
         return law
 
     def stiffness(self, width: float, gravity: float) -> float:
@@ -322,15 +329,14 @@ _LIMITS = {
     "cohesion": (0.0, 1e5, "Pa", "give Pa, not kPa"),
     "friction_angle": (0.0, 1.2, "rad", "give rad, not degrees"),
     "exponent": (0.05, 2.5, "", ""),
-    "exponent_slip": (-1.0, 3.0, "", ""),
     "shear_modulus": (2e-4, 0.2, "m", "give m, not mm"),
     "shear_modulus_angle": (0.0, 1.0, "m/rad", ""),
     "side_shear_modulus_angle": (0.0, 1.0, "m/rad", ""),
     "density": (200.0, 5000.0, "kg/m³", "give mass, not weight, a m³"),
     "peak": (0.0, 1.0, "", ""),
-    "peak_slip": (-1.0, 1.0, "", ""),
     "exit": (0.0, 1.5, "", ""),
-    "exit_slip": (-1.5, 1.5, "", ""),
+    "exponent_grouser": (-20.0, 20.0, "", ""),
+    "exit_grouser": (-20.0, 20.0, "", ""),
     "bulldozing": (0.0, 10.0, "", ""),
     "rut_exponent": (1.0, 20.0, "", ""),
 }
@@ -352,10 +358,17 @@ def check_soil(soil: Soil) -> None:
     lead = f"soil {soil.name!r}: "
     for name, (low, high, unit, hint) in _LIMITS.items():
         check_range(lead + name, getattr(soil, name), low, high, unit, hint)
-    for name in ("peak_skid", "side_shear_modulus", "destructive_angle"):
+    for name, low, high, unit in (("side_shear_modulus", 2e-4, 0.2, "m"), ("destructive_angle", 0.05, 1.5, "rad")):
         if getattr(soil, name) is not None:
-            low, high, unit = {"peak_skid": (-1.0, 1.0, ""), "side_shear_modulus": (2e-4, 0.2, "m")}.get(name, (0.05, 1.5, "rad"))
             check_range(lead + name, getattr(soil, name), low, high, unit)
+    for name in ("exponent_terms", "peak_terms", "exit_terms"):
+        terms = getattr(soil, name)
+        if not isinstance(terms, tuple) or len(terms) != lay.TERMS - 1:
+            raise RockerbogieError(f"{lead}{name} is {terms!r:.60}: give a tuple of {lay.TERMS - 1} numbers")
+        for term in terms:
+            check_range(lead + name, term, -5.0, 5.0, "")
+    if soil.slip_speed not in ("heading", "travel"):
+        raise RockerbogieError(f"{lead}slip_speed is {soil.slip_speed!r}: give 'heading' or 'travel'")
     if 0.0 < soil.cohesion < LEAST_COHESION:
         raise RockerbogieError(f"{lead}cohesion is {soil.cohesion:g} Pa: give Pa, not kPa (0, or at least {LEAST_COHESION:g} Pa)")
     if soil.pressure not in ("bekker", "reece"):

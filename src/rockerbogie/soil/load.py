@@ -27,16 +27,19 @@ KEYS: dict[str, tuple[str, float | None]] = {
     "pressure.kc": ("kc", 1.0),
     "pressure.kphi": ("kphi", 1.0),
     "pressure.exponent": ("exponent", 1.0),
-    "pressure.exponent_slip": ("exponent_slip", 1.0),
+    "pressure.exponent_terms": ("exponent_terms", 1.0),
+    "pressure.exponent_grouser": ("exponent_grouser", 1.0),
     "shear.modulus_m": ("shear_modulus", 1.0),
     "shear.modulus_angle_m_per_rad": ("shear_modulus_angle", 1.0),
     "shear.side_modulus_m": ("side_shear_modulus", 1.0),
     "shear.side_modulus_angle_m_per_rad": ("side_shear_modulus_angle", 1.0),
     "contact.peak": ("peak", 1.0),
-    "contact.peak_slip": ("peak_slip", 1.0),
-    "contact.peak_skid": ("peak_skid", 1.0),
+    "contact.peak_terms": ("peak_terms", 1.0),
     "contact.exit": ("exit", 1.0),
-    "contact.exit_slip": ("exit_slip", 1.0),
+    "contact.exit_terms": ("exit_terms", 1.0),
+    "contact.exit_grouser": ("exit_grouser", 1.0),
+    "contact.slip_speed": ("slip_speed", None),
+    "shear.coupled": ("coupled", None),
     "side.bulldozing": ("bulldozing", 1.0),
     "rut.exponent": ("rut_exponent", 1.0),
 }
@@ -111,14 +114,21 @@ def read_soil(text: str, name: str) -> Soil:
     missing = [key for key in REQUIRED if key not in found]
     if missing:
         raise RockerbogieError(f"{name}.toml: {', '.join(missing)} missing")
-    values: dict[str, Any] = {}
-    for key, value in found.items():
-        field, factor = KEYS[key]
-        wanted = str if factor is None else int | float
-        if not isinstance(value, wanted) or isinstance(value, bool):
-            raise RockerbogieError(f"{name}.toml: {key} is {value!r:.40}; it must be {'text' if factor is None else 'a number'}")
-        values[field] = value if factor is None else float(value) * factor
-    return Soil(name=name, **values)
+    return Soil(name=name, **{KEYS[key][0]: _value(name, key, value) for key, value in found.items()})
+
+
+def _value(name: str, key: str, value: object) -> Any:
+    """Return the value of a key in SI units."""
+    field, factor = KEYS[key]
+    if field.endswith("_terms"):
+        if isinstance(value, list) and all(isinstance(item, int | float) and not isinstance(item, bool) for item in value):
+            return tuple(float(item) for item in value)
+        raise RockerbogieError(f"{name}.toml: {key} is {value!r:.60}; it must be a list of numbers")
+    wanted: Any = bool if field == "coupled" else str if factor is None else (int, float)
+    if not isinstance(value, wanted) or (isinstance(value, bool) and field != "coupled"):
+        kind = "true or false" if wanted is bool else "text" if wanted is str else "a number"
+        raise RockerbogieError(f"{name}.toml: {key} is {value!r:.40}; it must be {kind}")
+    return value if factor is None else float(value) * factor
 
 
 def _presets() -> dict[str, Path]:

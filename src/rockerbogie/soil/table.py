@@ -183,7 +183,7 @@ def _nodes(law: Array, loads: Array, size: tuple[int, int, int]) -> tuple[Array,
     flat = [np.ascontiguousarray(part).ravel() for part in parts]
     n = flat[0].size
     out, status = np.empty((n, lay.OUTPUTS)), np.empty(n, dtype=np.uint8)
-    parallel_for(node_kernel.nodes_batch, n, law, *flat, out, status)
+    parallel_for(node_kernel.motion_batch, n, law[None], np.zeros(n, dtype=np.int64), *flat, out, status)
     radius = law[lay.L_RADIUS]
     ratios = out / np.stack([flat[0], flat[0], flat[0] * radius, np.full(n, radius)], axis=1)
     return ratios.reshape(*size, lay.OUTPUTS), status.reshape(size)

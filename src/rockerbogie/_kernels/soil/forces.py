@@ -95,18 +95,20 @@ def forces_batch(
 
 
 @njit
-def nodes_batch(
-    law: Array, load: Array, rim: Array, vx: Array, vy: Array, out: Array, status: NDArray[np.uint8], start: int, stop: int
-) -> None:
-    """Fill forces of one law at the nodes of a table, overloaded ones too.
+def motion_batch(
+    laws: Array, which: NDArray[np.int64], load: Array, rim: Array, vx: Array, vy: Array, out: Array, status: NDArray[np.uint8],
+    start: int, stop: int,
+) -> None:  # fmt: skip
+    """Fill forces of wheels by their motion, overloaded ones too.
 
     Args:
-        law: (LAW_SIZE,) packed law.
-        load, rim, vx, vy: (n,) load N, and motions.
+        laws: (m, LAW_SIZE) packed laws.
+        which: (n,) law of each item, 0 to m - 1.
+        load, rim, vx, vy: (n,) load N, and motions as for `motion_forces`.
         out: (n, 4) filled with drawbar N, side force N, torque N m, sinkage m.
         status: (n,) filled with the code of each item.
         start, stop: range of items.
     """
     space = np.empty((4, 5))
     for k in range(start, stop):
-        status[k] = motion_forces(law, load[k], rim[k], vx[k], vy[k], out[k], space)
+        status[k] = motion_forces(laws[which[k]], load[k], rim[k], vx[k], vy[k], out[k], space)

@@ -8,31 +8,29 @@ SOIL, COULOMB, CURVE = range(3)
 #: Elements that all laws share.
 L_KIND, L_RADIUS = range(2)
 
-#: Elements of SOIL: a rigid wheel on deformable soil.
+#: Elements of SOIL: a rigid wheel on deformable soil. EXPONENT, PEAK and EXIT are `TERMS` numbers each (`stress.contact_term`).
 (
-    L_SHEAR_RADIUS,  # radius at which soil shears: the rim plus grousers, m
     L_WIDTH,  # m
     L_COHESION,  # with grousers, Pa
     L_FRICTION,  # tangent of the friction angle, with grousers
     L_STIFFNESS,  # k of p = k z^n, Pa/m^n
-    L_EXPONENT,  # n at zero slip
-    L_EXPONENT_SLIP,  # growth of n with |slip|
-    L_REFERENCE,  # depth at which k keeps its pressure when n changes with slip, m
-    L_PEAK,  # a0: angle of peak stress as a fraction of the entry angle, at zero slip
-    L_PEAK_DRIVE,  # a1: growth of that fraction with slip, driving
-    L_PEAK_SKID,  # the same, skidding
-    L_EXIT,  # exit depth as a fraction of the sinkage
-    L_EXIT_SLIP,  # growth of that fraction with |slip|
     L_KX,  # shear modulus along the wheel, m
     L_KX_ANGLE,  # growth of kx with |slip angle|, m/rad
     L_KY,  # shear modulus across the wheel, m
     L_KY_ANGLE,  # growth of ky with |slip angle|, m/rad
-    L_ISOTROPIC,  # 1: shear stress opposes the displacement, with modulus kx; 0: components by themselves (Ishigami)
+    L_COUPLED,  # 1: shear stress opposes the displacement; 0: its components by themselves (Ishigami)
     L_BULLDOZE_1,  # side wall: force per metre of rim and metre of depth, N/m²
     L_BULLDOZE_2,  # the same, for the square of the depth, N/m³
     L_DEEPEST,  # largest sinkage of the law, m
-) = range(2, 23)
-LAW_SIZE = 24
+    L_TRAVEL,  # 1: slip relative to the speed of travel; 0: relative to the speed along the heading
+    L_LUG,  # grouser height over radius
+    L_LUG_EXPONENT,  # growth of n with lug × slip², driving
+    L_LUG_EXIT,  # the same of the exit fraction
+) = range(2, 18)
+#: Terms of a quantity that depends on slip s and side motion y: 1, s, s², y, y s, y s².
+TERMS = 6
+L_EXPONENT, L_PEAK, L_EXIT = 18, 24, 30
+LAW_SIZE = 36
 
 #: Elements of COULOMB: friction on rigid terrain.
 L_MU, L_CREEP = 2, 3

@@ -87,7 +87,9 @@ def curve_ratio(law: Array, rim: float, vx: float, vy: float) -> tuple[float, fl
             l_rim, l_vx = 0.5 - 0.5 * (half + curl) / root, 0.5 - 0.5 * (curl - half) / root
     slide = math.sqrt((rim - vx) ** 2 + vy * vy)
     cap = 1.0 / law[L_CAP]
-    bottom = least + cap * slide
+    capped = cap * slide
+    bottom = math.sqrt(math.sqrt(least**4 + capped**4))
+    by_least, by_slide = (least / bottom) ** 3, cap * (capped / bottom) ** 3
     s_rim, s_vx, s_vy = 0.0, 0.0, 0.0
     if slide > 0.0:
         s_rim, s_vx, s_vy = (rim - vx) / slide, (vx - rim) / slide, vy / slide
@@ -102,7 +104,7 @@ def curve_ratio(law: Array, rim: float, vx: float, vy: float) -> tuple[float, fl
     b = -a * t - 1.0 / bottom
     return (
         ratio,
-        ratio * (a * s_rim + b * (l_rim + cap * s_rim)),
-        ratio * (a * s_vx + b * (l_vx + cap * s_vx)),
-        ratio * (a * s_vy + b * cap * s_vy),
+        ratio * (a * s_rim + b * (by_least * l_rim + by_slide * s_rim)),
+        ratio * (a * s_vx + b * (by_least * l_vx + by_slide * s_vx)),
+        ratio * (a * s_vy + b * by_slide * s_vy),
     )
