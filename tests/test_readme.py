@@ -12,8 +12,8 @@ import pytest
 from rockerbogie.cli import COMMANDS, main
 
 README = Path(__file__).resolve().parents[1] / "README.md"
-#: Commands that take minutes, or run until they are stopped: their own tests run them.
-SLOW = ("reproduce", "lab", "bench", "compile")
+#: Commands that take minutes, run until they are stopped, or need logs from Mars: their own tests run them.
+SLOW = ("reproduce", "lab", "bench", "compile", "benchmark", "fit-soil")
 
 
 def commands() -> list[list[str]]:
