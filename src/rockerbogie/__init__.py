@@ -77,6 +77,8 @@ if TYPE_CHECKING:
     from .motion.wheel_commands import wheel_commands as wheel_commands
     from .motion.wheel_controller import WheelCommand as WheelCommand
     from .motion.wheel_controller import WheelController as WheelController
+    from .ros.costmap import CostMap as CostMap
+    from .ros.costmap import CostMapChange as CostMapChange
     from .rotations import body_transform as body_transform
     from .rover.differential import DifferentialBar as DifferentialBar
     from .rover.formats import Import as Import
@@ -188,6 +190,8 @@ _EXPORTS = {
     "WheelTrials": "soil.fit",
     "WheelFit": "soil.fit",
     "TrialResiduals": "soil.fit",
+    "CostMap": "ros.costmap",
+    "CostMapChange": "ros.costmap",
     "LoadStatus": "statics.loads",
     "Stability": "statics.stability",
     "stability": "statics.stability",

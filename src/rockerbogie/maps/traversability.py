@@ -91,7 +91,7 @@ def traversability(
     expect(rover, Rover, "rover", LOAD_ROVER)
     if mode not in ("contact", "equilibrium"):
         raise RockerbogieError(f"mode {mode!r} is not known; give 'contact' or 'equilibrium'")
-    angles, allowed, field = _headings(headings), _limits(limits), checked_gravity(gravity)
+    angles, allowed, field = heading_angles(headings), limits_given(limits), checked_gravity(gravity)
     names = chosen_layers(layers, allowed.forces)
     if not (isinstance(chunk, (int, np.integer)) and chunk > 0 and chunk % TILE == 0):
         raise RockerbogieError(f"chunk is {chunk!r}: give a multiple of {TILE} cells")
@@ -121,7 +121,7 @@ def traversability(
     else:
         place = Path(store).absolute()
         data = _in_store(job, windows, place, chunk, tell, workers, scheduler, dispersed=dispersed, lazily=size > IN_MEMORY)
-    return dataset(data, angles, cells.x((0, cells.size[0])), cells.y((0, cells.size[1])), _about(job, ground))
+    return dataset(data, angles, cells.x((0, cells.size[0])), cells.y((0, cells.size[1])), map_attributes(job, ground))
 
 
 def _in_store(
@@ -181,8 +181,18 @@ def _ground(terrain: Terrain | str | Path, band: int, interpolation: Interpolati
     return open_ground(locate(terrain), band, interpolation, cell)
 
 
-def _headings(headings: int | ArrayLike) -> NDArray[np.float64]:
-    """Return the headings (n,), rad."""
+def heading_angles(headings: int | ArrayLike) -> NDArray[np.float64]:
+    """Return the headings of an argument.
+
+    Args:
+        headings: their number, evenly spaced from +x counter-clockwise; or the angles, (n,) rad.
+
+    Returns:
+        (n,) rad.
+
+    Raises:
+        RockerbogieError: neither.
+    """
     try:
         given = np.asarray(headings)
         if given.ndim == 0 and given == int(given) and given >= 1:
@@ -195,8 +205,18 @@ def _headings(headings: int | ArrayLike) -> NDArray[np.float64]:
     return angles
 
 
-def _limits(limits: Limits | str | None) -> Limits:
-    """Return the limits of the argument; raise if it is of another type."""
+def limits_given(limits: Limits | str | None) -> Limits:
+    """Return the limits of an argument.
+
+    Args:
+        limits: a `Limits`, or the name of one; None: Curiosity's flight limits.
+
+    Returns:
+        The limits.
+
+    Raises:
+        RockerbogieError: neither.
+    """
     if isinstance(limits, Limits):
         return limits
     if limits is not None and not isinstance(limits, str):
@@ -204,8 +224,16 @@ def _limits(limits: Limits | str | None) -> Limits:
     return Limits.named(limits or "curiosity")
 
 
-def _about(job: Job, ground: Ground) -> dict[str, Any]:
-    """Return the attributes of a map."""
+def map_attributes(job: Job, ground: Ground) -> dict[str, Any]:
+    """Return the attributes of a map.
+
+    Args:
+        job: the work for its cells.
+        ground: its terrain.
+
+    Returns:
+        Attributes of its Dataset.
+    """
     dx, dy = job.cells.step
     about = {
         "title": f"Traversability for {job.rover.name}",
