@@ -76,11 +76,12 @@ def test_gravity_acts_through_bulldozed_soil() -> None:
     assert earth.drawbar == moon.drawbar
 
 
-def test_torque_power_covers_drawbar_power() -> None:
+@pytest.mark.parametrize("grousers", [0.0, 0.02])
+def test_torque_power_covers_drawbar_power(grousers: float) -> None:
     """The motor's power is never below that of drawbar and side force."""
     slip, angle = np.meshgrid(np.linspace(-1.0, 1.0, 21), np.linspace(-1.2, 1.2, 13))
     for soil in rb.soils().values():
-        forces = rb.wheel_soil_forces(soil, 0.25, 0.3, 100.0, slip, angle)
+        forces = rb.wheel_soil_forces(soil, 0.25, 0.3, 100.0, slip, angle, grousers=grousers)
         rim, vx = 1.0 + np.minimum(slip, 0.0), 1.0 - np.maximum(slip, 0.0)
         lost = forces.torque / 0.25 * rim - forces.drawbar * vx - forces.side * vx * np.tan(angle)
         assert np.nanmin(lost) > -1e-6 * 100.0

@@ -177,7 +177,7 @@ def stress_forces(
         sinkage: above 0 and below the radius, m.
         slip, side: slip and side motion that change exponent, peak and exit.
         angle: slip angle that changes the shear moduli, rad.
-        along, across: axle speeds along and across the heading over the rim speed.
+        along, across: axle speeds along and across the heading over the speed of the grousers' tips.
         out: (4,) filled with drawbar N, side force N, torque N m, vertical force N.
     """
     radius, width = law[L_RADIUS], law[L_WIDTH]
@@ -223,7 +223,7 @@ def motion_stress_forces(law: Array, sinkage: float, rim: float, vx: float, vy: 
         rim, vx, vy: rim speed and axle speeds along and across the heading; rim and vx at least 0, not all 0.
         out: (4,) filled with drawbar N, side force N, torque N m, vertical force N.
     """
-    turn = max(rim, LOCKED * (vx + abs(vy)))
+    turn = max(rim, LOCKED * (vx + abs(vy))) * (1.0 + law[L_LUG])
     angle = math.atan2(vy, max(vx, SPINNING * rim))
     speed = math.sqrt(vx * vx + vy * vy) if law[L_TRAVEL] != 0.0 else vx
     stress_forces(law, sinkage, slip_of(rim, speed), side_motion(rim, vx, vy), angle, vx / turn, vy / turn, out)
