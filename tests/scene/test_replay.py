@@ -22,7 +22,10 @@ import rockerbogie as rb
 from rockerbogie.cli import main
 from rockerbogie.rotations import euler_angles
 from rockerbogie.scene import show as show_module
+from rockerbogie.scene.climb_run import climb_run
 from rockerbogie.scene.replay import page, quaternions
+from rockerbogie.scene.rover_mesh import LINKS
+from rockerbogie.scene.subject import records_of
 from support.helpers import assert_close
 
 CHROMIUM = shutil.which("chromium")
@@ -138,6 +141,20 @@ def test_pose_map_and_batch_have_pages(rover: rb.Rover, terrain: rb.Terrain, map
     flat = data_of(page(maps))
     assert "no terrain was given" in flat["about"]
     assert flat["terrain"]["high"] - flat["terrain"]["low"] < 1e-5
+
+
+@pytest.mark.parametrize("direction", ["forward", "backward"])
+def test_climb_is_replayed_with_its_own_hubs(rover: rb.Rover, direction: Any) -> None:
+    climb = rb.climb(rover, rb.obstacles.step(0.06), friction=1.0, direction=direction)
+    run = climb_run(climb)
+    records = records_of(run)
+    hubs = records.frames[:, [LINKS.index(f"wheel_{i}") for i in range(6)]][..., :3, 3]
+    assert_close(hubs[..., [0, 2]], climb.hub, 1e-9, "m", "the climb's own linkage")
+    assert_close(records.contact[..., 1], hubs[..., 1], 1e-9, "m", "contacts below their wheels")
+    data = data_of(page(climb))
+    assert "suffices" in data["about"]
+    assert "Required friction" in [plot["title"] for plot in data["plots"]]
+    assert data["run"]["unit"] == "m"
 
 
 def test_text_from_names_cannot_leave_its_place(rover: rb.Rover, run: xr.Dataset) -> None:

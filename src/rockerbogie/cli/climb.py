@@ -21,6 +21,7 @@ from ..statics.climb_limits import ClimbLimits, limits_of
 from ..statics.obstacles import Profile
 from ..tables import read_columns
 from .common import Force, Json, guard_outputs, make_folder, parse_gravity, print_json, progress
+from .pictures import Film, Html, checked_page, write_page
 
 #: Exit code if the rover does not get over: a result, not a wrong call.
 EXIT_NOT_CLIMBED = 1
@@ -43,7 +44,8 @@ def climb(
     gravity: str = "earth",
     plot: Path | None = None,
     chart: Path | None = None,
-    film: Path | None = None,
+    film: Film = None,
+    html: Html = None,
     force: Force = False,
     json: Json = False,
 ) -> int:
@@ -85,6 +87,8 @@ def climb(
         Picture of friction needed against step height, forward and backward.
     film
         Film of the climb: .gif, or .mp4 (needs the film extra).
+    html
+        Page (.html) that replays the climb offline in any browser, with plots.
     force
         Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
@@ -93,12 +97,13 @@ def climb(
     for option, file, endings in (("--plot", plot, PICTURES), ("--chart", chart, PICTURES), ("--film", film, FILMS)):
         if file is not None and file.suffix.lower() not in endings:
             raise RockerbogieError(f"{option} {str(file)!r}: end its name in {', '.join(endings)}")
-    guard_outputs([file for file in (plot, chart, film) if file is not None], rover, profile, force=force)
+    written = [file for file in (plot, chart, film) if file is not None] + checked_page(html)
+    guard_outputs(written, rover, profile, force=force)
     field = parse_gravity(gravity)
     machine = load_rover(rover)
     obstacle = _obstacle(step, ditch, ramp, stairs, profile)
-    if obstacle is None and (plot is not None or film is not None):
-        raise RockerbogieError("--plot and --film show a climb: give an obstacle, such as --step 0.2")
+    if obstacle is None and (plot is not None or film is not None or html is not None):
+        raise RockerbogieError("--plot, --film and --html show a climb: give an obstacle, such as --step 0.2")
     files = []
     if chart is not None:
         from ..figures.climbing import step_chart
@@ -136,6 +141,7 @@ def climb(
         with progress() as bar:
             task = bar.add_task("filming", total=None)
             files.append(write_climb_film(film, run, progress=lambda done, total: bar.update(task, completed=done, total=total)))
+    files += write_page(run, html, force)
     if json:
         print_json(_record(run) | {"files": files})
     else:

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ..settling.pose import Pose
+    from ..statics.climb import Climb
 
 Film = Annotated[Path | None, Parameter(name=["--film", "--video"])]
 Html = Annotated[Path | None, Parameter(name="--html")]
@@ -91,11 +92,11 @@ def checked_page(html: Path | None) -> list[Path]:
     return [check_page(html)]
 
 
-def write_page(subject: Pose | xr.Dataset, html: Path | None, force: bool) -> list[Path]:
-    """Write the page of a pose or a run.
+def write_page(subject: Pose | Climb | xr.Dataset, html: Path | None, force: bool) -> list[Path]:
+    """Write the page of a pose, a run or a climb.
 
     Args:
-        subject: the pose or run.
+        subject: the pose, run or climb.
         html: the page, or None for no page.
         force: replace a file that this package did not write.
 

@@ -22,7 +22,9 @@ from ..outputs import SOURCE
 from ..rover.model import Rover
 from ..settling.pose import Pose
 from ..settling.status import MEANING, Status
+from ..statics.climb import Climb
 from ..terrain.heightfield import Terrain
+from .climb_run import climb_run
 from .colours import MISSING, Legend
 from .mesh import Part, vertex_normals
 from .rover_mesh import LINKS, rover_parts
@@ -48,7 +50,7 @@ MAP_ELEVATION = np.radians(50.0)
 
 
 def page(
-    subject: Pose | xr.Dataset,
+    subject: Pose | Climb | xr.Dataset,
     *,
     rover: Rover | None = None,
     terrain: Terrain | None = None,
@@ -59,7 +61,7 @@ def page(
     """Return a page that shows a pose, a run or a map, in one piece.
 
     Args:
-        subject: from `settle`, `drive`, `simulate`, `traversability` or `read_map`.
+        subject: from `settle`, `drive`, `simulate`, `climb`, `traversability` or `read_map`.
         rover: of a run that was read from a file.
         terrain: of a run that was read from a file, or under a map (without it, a map is flat).
         route: from `plan`, drawn over a map.
@@ -72,6 +74,8 @@ def page(
     Raises:
         RockerbogieError: nothing that can be shown.
     """
+    if isinstance(subject, Climb):
+        subject = climb_run(subject)
     if not isinstance(subject, Pose) and "x" in getattr(subject, "dims", ()) and "y" in getattr(subject, "dims", ()):
         data, text = _map_data(subject, terrain, route, triangles)
     else:
@@ -252,6 +256,8 @@ def _about(records: Records, grid: Grid) -> str:
     if n > 1:
         taken = f", 1 in {records.every} shown" if records.every > 1 else ""
         parts.append(f"{records.data.attrs.get('source', '').split(' ')[-1] or 'poses'}: {n} records{taken}")
+    if "verdict" in records.data.attrs:
+        parts.append(str(records.data.attrs["verdict"]))
     return " · ".join([*parts, f"terrain {grid.note}", "left blue, right vermilion"])
 
 

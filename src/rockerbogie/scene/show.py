@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from ..motion.path_files import Route
+    from ..statics.climb import Climb
 
 #: Height of a view in a notebook, px.
 HEIGHT = 560
@@ -28,13 +29,13 @@ _ENDINGS = (".html", ".htm")
 
 
 def to_html(
-    subject: Pose | xr.Dataset, file: str | Path, *, rover: Rover | None = None, terrain: Terrain | None = None,
+    subject: Pose | Climb | xr.Dataset, file: str | Path, *, rover: Rover | None = None, terrain: Terrain | None = None,
     route: Route | None = None, title: str | None = None, triangles: int = TRIANGLES, force: bool = False,
 ) -> Path:  # fmt: skip
     """Write one self-contained page that shows a pose, a run or a map offline in any browser.
 
     Args:
-        subject: from `settle`, `drive`, `simulate`, `traversability` or `read_map`.
+        subject: from `settle`, `drive`, `simulate`, `climb`, `traversability` or `read_map`.
         file: the page, ending in .html.
         rover: of a run that was read from a file.
         terrain: of a run that was read from a file, or under a map (without it, the map is flat).
@@ -96,13 +97,13 @@ class View:
 
 
 def show(
-    subject: Pose | xr.Dataset, *, rover: Rover | None = None, terrain: Terrain | None = None, route: Route | None = None,
+    subject: Pose | Climb | xr.Dataset, *, rover: Rover | None = None, terrain: Terrain | None = None, route: Route | None = None,
     title: str | None = None, triangles: int = TRIANGLES,
 ) -> View:  # fmt: skip
     """Show a pose, a run or a map in three dimensions: in the notebook, or else in the browser.
 
     Args:
-        subject: from `settle`, `drive`, `simulate`, `traversability` or `read_map`.
+        subject: from `settle`, `drive`, `simulate`, `climb`, `traversability` or `read_map`.
         rover: of a run that was read from a file.
         terrain: of a run that was read from a file, or under a map (without it, the map is flat).
         route: from `plan`, drawn over a map.

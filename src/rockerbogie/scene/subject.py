@@ -115,7 +115,8 @@ def records_of(subject: Pose | xr.Dataset, rover: Rover | None = None, terrain: 
     number = np.arange(1.0, n + 1)
     time = data["time"].values.astype(float) if "time" in data.coords else number
     at, unit = (time, "s") if "time" in data.coords else (number, "")
-    if "distance" in data.coords and n > 1 and (np.diff(distance := data["distance"].values.astype(float)) > 0).all():
+    distance = data["distance"].values.astype(float).ravel() if "distance" in data.coords else np.zeros(n)
+    if (np.diff(distance) >= 0).all() and distance[-1] > distance[0]:
         at, unit = distance, "m"
     contact = data["contact_point"].values.astype(float) if "contact_point" in data else np.full((n, 6, 3), np.nan)
     lifted = data["gap"].values > LIFTED if "gap" in data else np.zeros((n, 6), dtype=bool)

@@ -89,11 +89,12 @@ def terrain_grid(terrain: Terrain, bounds: Bounds | None = None, triangles: int 
         every += max(1, every // 8)
     x, y = (terrain.origin[axis] + terrain.spacing[axis] * _stations(*spans[axis], every, finer) for axis in (0, 1))
     z = terrain.height(*np.meshgrid(x, y))
-    step = max(terrain.spacing) * every / finer
+    dx, dy = (spacing * every / finer for spacing in terrain.spacing)
+    step = f"{dx:.3g} m" if np.isclose(dx, dy) else f"{dx:.3g} by {dy:.3g} m"
     about = "finer than its nodes" if finer > 1 else "all nodes of the terrain"
     if every > 1:
         about = f"1 in {every} nodes of the terrain"
-    return Grid(x, y, z, f"grid {step:.3g} m ({about})")
+    return Grid(x, y, z, f"grid {step} ({about})")
 
 
 def _stations(first: int, last: int, every: int, finer: int) -> Array:
