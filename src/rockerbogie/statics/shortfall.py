@@ -20,9 +20,9 @@ EXACT = 1e4
 
 
 def shortfall(packed: PackedContacts, k: int, friction: float) -> float:
-    """Compute the angle from gravity to the nearest direction in which forces within the friction cones hold a pose.
+    """Compute the angle from gravity to the nearest direction in which forces hold a pose.
 
-    The directions that can be held are a convex cone (docs/stability.md), and the nearest one is the projection onto it.
+    The directions that forces within the friction cones can hold are a convex cone (docs/stability.md), and the nearest one is the projection onto it.
     The projection is a problem of non-negative least squares in forces on the surfaces of the friction cones. After each
     solution, the force of each cone that improves it most is added.
 
@@ -50,7 +50,7 @@ def shortfall(packed: PackedContacts, k: int, friction: float) -> float:
         weight[axis] /= gravity_column(m, packed.rover, reach, gx, gy, gz, weight[axis])
 
     def rows(force: Array) -> Array:
-        """Return (n, 9) the weight that each generalized force (n, 9) balances, and the moments left, weighted."""
+        """Return the weight that each force (n, 9) balances, and the weighted moments left, (n, 9)."""
         held = -force[:, :3]
         return np.concatenate([held, EXACT * (force[:, 3:] + held @ weight[:, 3:])], axis=1)
 
