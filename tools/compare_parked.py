@@ -103,7 +103,7 @@ def _quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, fl
 
 
 def threshold(parked: Parked, required: float) -> float:
-    """Return the least friction coefficient that holds, relative to the required one; NaN out of bounds."""
+    """Return the least friction that holds, relative to the required one; NaN out of bounds."""
     low, high = BOUNDS
     if not parked.slides(low * required) or parked.slides(high * required):
         return np.nan

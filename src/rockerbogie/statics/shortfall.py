@@ -22,9 +22,9 @@ EXACT = 1e4
 def shortfall(packed: PackedContacts, k: int, friction: float) -> float:
     """Compute the angle from gravity to the nearest direction in which forces hold a pose.
 
-    The directions that forces within the friction cones can hold are a convex cone (docs/stability.md), and the nearest one is the projection onto it.
-    The projection is a problem of non-negative least squares in forces on the surfaces of the friction cones. After each
-    solution, the force of each cone that improves it most is added.
+    The directions that forces within the friction cones can hold are a convex cone (docs/stability.md), and the nearest
+    one is the projection onto it. The projection is a problem of non-negative least squares in forces on the surfaces of
+    the friction cones. After each solution, the force of each cone that improves it most is added.
 
     Args:
         packed: contacts of the poses.
