@@ -304,3 +304,24 @@ def test_the_command_runs_the_node_until_it_is_interrupted():
         process.kill()
         context.try_shutdown()
     assert process.returncode == 0, errors
+
+
+def test_a_live_view_gets_the_poses(bag):
+    """Listen to a node's topics in another thread: pose and joints are those published."""
+    from sensor_msgs.msg import Imu, JointState
+
+    from rockerbogie.ros.poses import LivePoses
+
+    run, file, track = bag
+    with Bench(rover="osr", namespace="/r3") as bench, LivePoses(ROVER, namespace="/r3") as view:
+        send = {"/joint_states": bench.publisher(JointState, "joint_states"), "/imu": bench.publisher(Imu, "imu/data")}
+        bench.until(lambda: bench.node.odom.get_subscription_count() > 0, "a view of odom")
+        end = 10.0 + 1e-9 * round(1e9 * float(run["time"][-1] - 10.0))
+        for topic, _, message in stored_messages(file):
+            bench.send(send[topic], message, "joint states" if topic == "/joint_states" else "IMU readings")
+        bench.until(lambda: view.newest is not None and view.newest.time > end - 0.1, "the last pose")
+        pose = next(iter(view))
+        want = track.isel(time=int(np.argmin(np.abs(track["time"].values - pose.time))))
+        assert_close([pose.x, pose.y, pose.z], [float(want[k]) for k in "xyz"], 1e-6, "m", "position")
+        assert_close([pose.roll, pose.pitch], [float(want["roll"]), float(want["pitch"])], 1e-6, "rad", "attitude")
+        assert_close(pose.bogie, run["bogie"].values[-1], 0.02, "rad", "bogies")

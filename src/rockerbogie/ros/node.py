@@ -232,7 +232,7 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
                 raise RockerbogieError(f"state_file {file!r} cannot be used: {error}") from None
             self.get_logger().info(f"the track continues from {file}")
             return found
-        x, y, z = self.value("start")
+        x, y, z = self.value("start_position")
         return OdometryFilter(rover, start=(x, y, z), window=self.value("smoothing_window"))
 
     def _connect(self) -> None:
@@ -387,7 +387,7 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
         dt = dt if 0.0 < dt < 2.0 * usual else usual
         e = self.estimate
         steering = self._measured_steering if self.value("use_measured_steering") else None
-        contact = None if e is None or not self.intake.has_imu else e.contact_angle
+        contact = e.contact_angle if e is not None and self.value("use_contact_angles") else None
         rocker, bogie = (0.0, np.zeros(2)) if e is None else (e.rocker, e.bogie)
         if steering is not None and not np.isfinite(steering[self.controller.rover.steers]).all():
             steering = None

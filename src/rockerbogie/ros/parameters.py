@@ -22,7 +22,7 @@ PARAMETERS: dict[str, Parameter] = {
     "base_frame": Parameter("base_link", "frame of the body"),
     "publish_tf": Parameter(True, "publish odom_frame -> base_frame on /tf"),
     "publish_robot_description": Parameter(False, "publish the rover's URDF on robot_description, latched"),
-    "start": Parameter([0.0, 0.0, 0.0], "x, y, z of the start, m"),
+    "start_position": Parameter([0.0, 0.0, 0.0], "x, y, z of the start, m"),
     "state_file": Parameter("", "file from which the track continues, and to which it is saved; '' for none"),
     "reliable": Parameter(False, "subscribe to joint states and IMU reliably; false accepts publishers of either kind"),
     "use_imu": Parameter(True, "use imu/data"),
@@ -35,6 +35,9 @@ PARAMETERS: dict[str, Parameter] = {
     "command_rate": Parameter(50.0, "least rate of commands while the rover moves, Hz"),
     "use_measured_steering": Parameter(
         True, "wait for measured steering angles, if there are any; false trusts the commands", live=True
+    ),
+    "use_contact_angles": Parameter(
+        False, "command each wheel by its estimated contact angle, not by the plane of its path", live=True
     ),
     "steering_limit": Parameter(1.5707963267948966, "largest steering angle to either side, rad"),
     "wheel_rate_limit": Parameter(0.0, "largest rate of a wheel motor, rad/s; 0 for none"),
