@@ -15,7 +15,7 @@ MIN_PARALLEL = 512
 CHUNK_MULTIPLE = 64
 
 
-def parallel_for(kernel: Callable[..., None], count: int, *args: Any) -> None:
+def parallel_for(kernel: Callable[..., None], count: int, *args: Any, piece: int | None = None) -> None:
     """Run a batch kernel on items 0 to count − 1, in pieces, on several threads.
 
     Their number is numba's (see `threads`). Each item is computed by itself, so that the result is the same for any
@@ -25,13 +25,15 @@ def parallel_for(kernel: Callable[..., None], count: int, *args: Any) -> None:
         kernel: called as `kernel(*args, start, stop)`; computes items start to stop − 1.
         count: number of items.
         args: arguments of the kernel before the range.
+        piece: number of items of a piece, for items that take long. Default: by the size of the batch.
     """
-    if count <= MIN_PARALLEL or numba.get_num_threads() == 1:
+    if count <= (MIN_PARALLEL if piece is None else piece) or numba.get_num_threads() == 1:
         kernel(*args, 0, count)
         return
     workers = int(numba.get_num_threads())
     kernel(*args, 0, 0)  # compile or load the kernel once, before the workers start
-    piece = min(max(-(-count // (8 * workers * CHUNK_MULTIPLE)) * CHUNK_MULTIPLE, MIN_PARALLEL // 2), 1 << 16)
+    if piece is None:
+        piece = min(max(-(-count // (8 * workers * CHUNK_MULTIPLE)) * CHUNK_MULTIPLE, MIN_PARALLEL // 2), 1 << 16)
     starts = iter(range(0, count, piece))  # shared: taking the next element is one step of the interpreter
 
     def work() -> None:
