@@ -14,6 +14,7 @@ import pytest
 import rockerbogie as rb
 from rockerbogie import compilation
 from rockerbogie._kernels import batch
+from rockerbogie._kernels.dynamics import rollout
 from rockerbogie._kernels.model import ground, jacobians
 from rockerbogie._kernels.soil import forces, table
 from rockerbogie._kernels.statics import loads
@@ -26,6 +27,7 @@ SIGNATURES = {
     batch.settle_cubic: 1, batch.settle_linear: 1, batch.settle_left: 2, batch.rest_batch: 2, batch.rest_left: 2,
     batch.touch_batch: 2, batch.clearance_batch: 2, ground.surface_batch: 2, gap.verify_batch: 1,
     batch.settle_bridged: 2, batch.rest_bridged: 2, loads.belly_batch: 2, loads.loads_batch: 1, loads.stability_batch: 1,
+    rollout.predict_batch: 2,
     forces.forces_batch: 1, forces.motion_batch: 1, table.table_batch: 1, table.motion_table_batch: 1,
     jacobians.wheel_jacobians_batch: 1, raster_kernels.shade: 1, raster_kernels.rasterise: 1,
 }  # fmt: skip
@@ -53,6 +55,7 @@ for interpolation in ("cubic", "linear"):
     for mode in ("contact", "equilibrium"):
         rb.settle(rover, gaps, x, y, yaw, mode=mode)
     rb.drive(rover, terrain, rb.Path.straight((-1.0, 0.0), 0.0, 1.0), speed=0.1)
+    rb.predict(rover, terrain, None, rb.Path.straight((-0.5, 0.0), 0.0, 0.5), friction=0.7)
 soil = rb.load_soil("dry-sand")
 rb.wheel_soil_forces(soil, [0.1, 0.2], 0.1, np.full(700, 50.0)[:, None], 0.1)
 rb.wheel_soil_forces(rb.Coulomb(0.5), 0.1, 0.1, 50, 0, 0.1, passes=2)

@@ -13,6 +13,8 @@ from ._version import __version__
 if TYPE_CHECKING:
     from .compilation import Compiled as Compiled
     from .compilation import compile_kernels as compile_kernels
+    from .dynamics.outcome import DriveEnd as DriveEnd
+    from .dynamics.predict import predict as predict
     from .errors import PathError as PathError
     from .errors import RockerbogieError as RockerbogieError
     from .errors import RoverError as RoverError
@@ -227,6 +229,8 @@ _EXPORTS = {
     "drive": "motion.drive",
     "ackermann": "motion.drive",
     "to_csv": "motion.drive",
+    "predict": "dynamics.predict",
+    "DriveEnd": "dynamics.outcome",
     "odometry": "logs.odometry",
     "flat_odometry": "logs.odometry",
     "SlopeSlip": "logs.odometry",

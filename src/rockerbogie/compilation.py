@@ -17,7 +17,7 @@ from .errors import RockerbogieError
 TOO_STEEP = 1.3
 
 #: Number of steps of `_steps`.
-STEPS = 26
+STEPS = 28
 
 
 class Compiled(NamedTuple):
@@ -63,6 +63,7 @@ def compile_kernels(progress: Callable[[int, int], None] | None = None) -> Compi
 
 def _steps() -> Iterator[Callable[[], object]]:
     """Yield the calls that compile all kernels between them, in order."""
+    from .dynamics.predict import predict
     from .figures.render import Camera, Mesh, render
     from .logs.odometry import odometry
     from .motion.drive import drive
@@ -98,6 +99,7 @@ def _steps() -> Iterator[Callable[[], object]]:
         pose = settle(rover, level, 0.0, 0.0)
         yield partial(getattr, pose, "gap")
         yield partial(getattr, pose, "clearance")
+        yield partial(predict, rover, level, None, Path.straight((0.0, 0.0), 0.0, 0.1), friction=0.8, details=False)
         yield partial(verify, pose)
     yield partial(wheel_jacobians, rover, pose)
     yield partial(stability, pose)

@@ -1,0 +1,1 @@
+"""Quasi-static motion of a rover from the forces on its wheels."""

@@ -1,0 +1,393 @@
+"""Predicted drives: the motion integrated over time, one rover at a time."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit.decorators import njit
+from ..jit.raw_views import unowned_view
+from ..model.ground import META_X, META_Y, META_Z, Ground, borrow
+from ..model.linkage import P_RADIUS, Z, set_hub_offsets
+from ..model.mass import centre_of_mass
+from ..model.wheel import CONTACT_SIZE
+from ..search.workspace import WORK_SIZE, Work, lay_out
+from ..solve.newton import CONVERGED, beyond_stops, settle_contact
+from .contact_law import FORCE, OVERLOAD, RIM, SINKAGE, TORQUE
+from .equilibrium_motion import MOTION_SIZE, Law, Motion, new_motion, reset_motion, solve_motion
+from .near import settle_near
+from .station import FREE, STATION_SIZE, Station, balance_at, new_station, settled_rates
+
+Array = NDArray[np.float64]
+
+# Codes of a rollout's end, besides those of rockerbogie.Status
+REACHED_END, NO_BALANCE, OVERLOADED = 0, 100, 101
+
+# Columns of a command: constant over one step
+C_TRACKS = 0  # 1: wheel rates are those of a planar twist at the pose; 0: wheel rates are given
+C_VALUES = 1  # (6,) forward, left, yaw rate in the heading's axes, m/s and rad/s; or wheel rates, rad/s
+C_STEERING = 7  # (6,) rad
+C_SIZE = 13
+
+# Columns of a record
+R_X, R_Y, R_YAW = 0, 1, 2
+R_Q = 3  # (6,)
+R_RATE = 9  # (3,) of x, y and yaw, then (6,) of q
+R_WHEEL = 18  # (6,) rad/s, and so on for blocks of six
+R_COMMAND = 24
+R_LOAD = 30  # N
+R_TRACTION = 36
+R_SIDE = 42
+R_TORQUE = 48  # N m
+R_ROLL_SLIP = 54  # m/s
+R_SIDE_SLIP = 60
+R_TURN = 66  # rad/s of the link about the axle
+R_SINKAGE = 72  # m
+R_WORK, R_LOSS, R_HEIGHT = 78, 79, 80  # J done by the motors, J dissipated, m of the centre of mass
+R_STEPS = 81  # Newton steps of the balance
+R_SCALE = 82  # slip scale of the friction law over the reference speed
+R_SIZE = 83
+
+
+DEEPEST = 12  # halvings of a step
+
+
+class Drive(NamedTuple):
+    """Settings of one drive."""
+
+    friction: float  # coefficient; on soil, of the start of a solve
+    soil: bool  # True if wheel forces are tabulated
+    tables: Array  # (m, size) packed tables
+    table_of: NDArray[np.int64]  # (6,) table of each wheel
+    gravity: float  # m/s²
+    torque: Array  # (6,) torque limits, N m
+    reference: float  # m/s, fastest commanded rim speed
+
+
+class State(NamedTuple):
+    """Work arrays of one drive at one station."""
+
+    place: Array  # (3,) x, y, m from the map's first node, and yaw, rad
+    q: Array  # (6,) pose
+    rates: Array  # (6,) of the pose
+    w: Array  # (3,) rates of x, y and yaw
+    power: Array  # (2,) of the motors and dissipated, W
+    height: Array  # (1,) of the centre of mass, m
+    rim: Array  # (6,) commanded rim speeds, m/s
+    limit: Array  # (6,) torque limits over the weight, m
+    slope: Array  # (6,) scratch
+    kept: Array  # (KEPT,) an earlier station
+    total: Array  # (5,) sums of the stages: w and power
+
+
+KEPT = 3 + 6 + 6 + 3 + 2 + 1 + 6 * CONTACT_SIZE + 9
+STATE_SIZE = 3 + 6 + 6 + 3 + 2 + 1 + 6 + 6 + 6 + KEPT + 5
+
+
+@njit
+def new_state(buffer: Array) -> State:
+    """Return work arrays as unowned views into a buffer.
+
+    Args:
+        buffer: (STATE_SIZE,) memory; the caller must keep it alive.
+    """
+    b = unowned_view(buffer)
+    return State(
+        b[:3], b[3:9], b[9:15], b[15:18], b[18:20], b[20:21], b[21:27], b[27:33], b[33:39], b[39 : 39 + KEPT],
+        b[39 + KEPT : 44 + KEPT],
+    )  # fmt: skip
+
+
+@njit
+def keep(state: State, work: Work, m: Motion) -> None:
+    """Copy a station to `state.kept`.
+
+    Args:
+        state, work, m: of the station.
+    """
+    kept = state.kept
+    kept[:3], kept[3:9], kept[9:15], kept[15:18] = state.place, state.q, state.rates, state.w
+    kept[18:20], kept[20], kept[21:30] = state.power, state.height[0], m.z
+    for i in range(6):
+        for k in range(CONTACT_SIZE):
+            kept[30 + CONTACT_SIZE * i + k] = work.touch[i, k]
+
+
+@njit
+def restore(state: State, work: Work, m: Motion) -> None:
+    """Return to the station in `state.kept`.
+
+    Args:
+        state, work, m: filled.
+    """
+    kept = state.kept
+    state.place[:], state.q[:], state.rates[:], state.w[:] = kept[:3], kept[3:9], kept[9:15], kept[15:18]
+    state.power[:], state.height[0], m.z[:] = kept[18:20], kept[20], kept[21:30]
+    for i in range(6):
+        for k in range(CONTACT_SIZE):
+            work.touch[i, k] = kept[30 + CONTACT_SIZE * i + k]
+
+
+@njit
+def command_rims(s: Station, rover: Array, command: Array, cy: float, sy: float, rim: Array) -> float:
+    """Fill the commanded rim speeds of a pose.
+
+    Args:
+        s: of the pose.
+        rover: (P_SIZE,) packed rover.
+        command: (C_SIZE,).
+        cy, sy: cos and sin of yaw.
+        rim: (6,) filled, m/s.
+
+    Returns:
+        The fastest, m/s.
+    """
+    fastest = 0.0
+    if command[C_TRACKS] != 0.0:
+        forward, left, turn = command[C_VALUES], command[C_VALUES + 1], command[C_VALUES + 2]
+        vx, vy = cy * forward - sy * left, sy * forward + cy * left
+        for i in range(6):
+            rim[i] = s.ways[i, 0, 0] * vx + s.ways[i, 0, 1] * vy + s.ways[i, 0, 2] * turn
+    else:
+        for i in range(6):
+            rim[i] = rover[P_RADIUS + i] * command[C_VALUES + i]
+    for i in range(6):
+        fastest = max(fastest, abs(rim[i]))
+    return fastest
+
+
+@njit
+def evaluate(
+    ground: Ground, rover: Array, search: bool, command: Array, drive: Drive, work: Work, s: Station, m: Motion, state: State
+) -> tuple[int, int]:
+    """Settle a pose and solve for its motion.
+
+    Args:
+        ground, rover: the packed terrain and rover.
+        search: True to search the whole treads, and to compute the links' rates for a record.
+        command: (C_SIZE,).
+        drive: settings.
+        work: contacts nearby; work.hub_offsets holds the steering.
+        s, m: filled; m holds the solution nearby.
+        state: `place` is the station; q is a pose nearby, replaced; the others but `kept` and `total` are filled.
+
+    Returns:
+        CONVERGED, another status code, NO_BALANCE or OVERLOADED; number of Newton steps of the balance.
+    """
+    x, y, cy, sy = state.place[0], state.place[1], math.cos(state.place[2]), math.sin(state.place[2])
+    if math.isnan(state.q[Z]) or not settle_near(ground, rover, x, y, cy, sy, state.q, search, work):
+        code, _ = settle_contact(ground, rover, x, y, cy, sy, 0, state.q, work)
+        if math.isnan(state.q[Z]):
+            return code, 0
+    if search and beyond_stops(rover, state.q):
+        return 3, 0
+    weight = balance_at(ground, rover, x, y, cy, sy, state.q, drive.gravity, drive.soil or search, work, s)
+    if weight == 0.0:
+        return NO_BALANCE, 0
+    for i in range(6):
+        state.limit[i] = drive.torque[i] / weight
+    fastest = command_rims(s, rover, command, cy, sy, state.rim)
+    if fastest == 0.0:
+        fastest = drive.reference
+    law = Law(drive.friction, drive.soil, drive.tables, drive.table_of, weight, state.rim, state.limit, fastest)
+    steps = solve_motion(s, rover, law, m)
+    if steps < 0:
+        return NO_BALANCE, 0
+    done = lost = overload = 0.0
+    for i in range(6):
+        f = m.force[i]
+        ut, us, turn = contact_motion(s, m, i)
+        motor = f[TORQUE] * f[RIM] / rover[P_RADIUS + i]
+        done += motor
+        lost += motor - f[FORCE] * ut - f[FORCE + 1] * us
+        if drive.soil:
+            lost -= f[FORCE + 2] * turn
+            overload = max(overload, f[OVERLOAD])
+    if overload > 0.0:
+        return OVERLOADED, steps
+    state.power[0], state.power[1] = weight * done, weight * lost
+    state.w[:] = m.y[:FREE]
+    settled_rates(s, m.y, state.rates)
+    if search:
+        height = centre_of_mass(rover, work.hub_offsets, state.q, cy, sy, work.axes, work.pivots, state.slope)
+        state.height[0] = state.q[Z] + height
+    return CONVERGED, steps
+
+
+@njit
+def runge_kutta(
+    ground: Ground, rover: Array, span: float, command: Array, drive: Drive, work: Work, s: Station, m: Motion, state: State
+) -> int:
+    """Advance one step from the station in `state.kept`, without evaluating its end.
+
+    Args:
+        ground, rover, command, drive, work, s, m: as for `evaluate`.
+        span: duration of the step, s.
+        state: at the station on entry; `place` is the end on return, `q` a pose near it, `total` the sums of w and power.
+
+    Returns:
+        CONVERGED, or the code of the stage without a solution; `place` is then that stage's.
+    """
+    kept, total = state.kept, state.total
+    total[:3], total[3:] = state.w, state.power
+    for stage in range(3):
+        share = 1.0 if stage == 2 else 0.5
+        for j in range(3):
+            state.place[j] = kept[j] + share * span * state.w[j]
+        if stage != 1:  # from the pose before, by its rates
+            for j in range(6):
+                state.q[j] += 0.5 * span * state.rates[j]
+        code, _ = evaluate(ground, rover, stage == 0, command, drive, work, s, m, state)
+        if code != CONVERGED:
+            return code
+        times = 1.0 if stage == 2 else 2.0
+        for j in range(3):
+            total[j] += times * state.w[j]
+        for j in range(2):
+            total[3 + j] += times * state.power[j]
+    for j in range(3):
+        state.place[j] = kept[j] + span / 6.0 * total[j]
+    return CONVERGED
+
+
+@njit
+def contact_motion(s: Station, m: Motion, i: int) -> tuple[float, float, float]:
+    """Return a contact's velocity forward and to the left, m/s, and its link's rate.
+
+    The rate is that about the axle, rad/s.
+
+    Args:
+        s, m: pose and motion.
+        i: wheel.
+    """
+    ut = us = turn = 0.0
+    for k in range(9):
+        ut += s.ways[i, 0, k] * m.y[k]
+        us += s.ways[i, 1, k] * m.y[k]
+        turn += s.ways[i, 2, k] * m.y[k]
+    return ut, us, turn
+
+
+@njit
+def record(
+    rover: Array, steps: int, s: Station, m: Motion, state: State, meta: Array, out: Array
+) -> None:  # fmt: skip
+    """Fill a record of a station; energies are filled by the caller.
+
+    Args:
+        rover: (P_SIZE,) packed rover.
+        steps: Newton steps of the balance.
+        s, m, state: of the station.
+        meta: map header.
+        out: (R_SIZE,) filled.
+    """
+    out[R_X], out[R_Y], out[R_YAW] = state.place[0] + meta[META_X], state.place[1] + meta[META_Y], state.place[2]
+    out[R_Q : R_Q + 6] = state.q
+    out[R_Q + Z] += meta[META_Z]
+    for k in range(FREE):
+        out[R_RATE + k] = m.y[k]
+    out[R_RATE + FREE : R_RATE + 9] = state.rates
+    weight = -s.weight[2]
+    out[R_HEIGHT] = state.height[0] + meta[META_Z]
+    for i in range(6):
+        f, radius = m.force[i], rover[P_RADIUS + i]
+        ut, us, turn = contact_motion(s, m, i)
+        out[R_WHEEL + i], out[R_COMMAND + i] = f[RIM] / radius, state.rim[i] / radius
+        out[R_LOAD + i], out[R_TRACTION + i], out[R_SIDE + i] = weight * m.load[i], weight * f[FORCE], weight * f[FORCE + 1]
+        out[R_TORQUE + i], out[R_SINKAGE + i] = weight * f[TORQUE], f[SINKAGE]
+        out[R_ROLL_SLIP + i], out[R_SIDE_SLIP + i], out[R_TURN + i] = ut - f[RIM], us, turn
+    out[R_STEPS], out[R_SCALE] = steps, m.scale[0]
+
+
+@njit
+def predict_batch(
+    ground: Ground, rover: Array, start_at: Array, commands: Array, command_of: NDArray[np.int64], counts: NDArray[np.int64],
+    span: float, references: Array, friction: Array, tables: Array, table_of: NDArray[np.int64], gravity: float, torque: Array,
+    tolerance: float, every: int, out: Array, ends: NDArray[np.int64], places: Array,
+    start: int, stop: int,
+) -> None:  # fmt: skip
+    """Predict drives by the classical Runge-Kutta method, commands constant over a step.
+
+    Args:
+        ground, rover: the packed terrain and rover.
+        start_at: (n, 3) x, y, yaw at the start, m and rad.
+        commands: (c, steps, C_SIZE).
+        command_of: (n,) row of `commands` of each drive.
+        counts: (c,) number of steps of each row.
+        span: duration of a step, s.
+        references: (c,) fastest commanded rim speed, m/s.
+        friction: (n,) coefficients; on soil, of the start of a solve.
+        tables: (m, size) tables of wheels on soil.
+        table_of: (n, 6) table of each wheel; -1 on rigid terrain.
+        gravity: m/s².
+        torque: (6,) torque limits, N m; inf without a limit.
+        tolerance: a step is halved while the error of its energy balance exceeds this share of the work that lifts the rover's
+            weight by the step's length; inf: never.
+        every: steps between records.
+        out: (n, records, R_SIZE) filled; NaN after the end of a drive.
+        ends: (n, 2) filled with the code of the end and the number of steps done.
+        places: (n, 3) filled with x, y, yaw at which the drive ended: those of the pose without a solution, if there is one.
+        start, stop: range of drives.
+    """
+    buffer, numbers, more = np.empty(WORK_SIZE), np.zeros(STATION_SIZE + MOTION_SIZE + STATE_SIZE), np.zeros(15, np.int64)
+    work, land, car, meta = lay_out(buffer), borrow(ground), unowned_view(rover), unowned_view(ground[2])
+    s, m = new_station(numbers, more), new_motion(numbers[STATION_SIZE:], more[6:])
+    state = new_state(numbers[STATION_SIZE + MOTION_SIZE :])
+    all_commands, laws, limits, kept = unowned_view(commands), unowned_view(tables), unowned_view(torque), state.kept
+    for n in range(start, stop):
+        c = command_of[n]
+        drive = Drive(friction[n], table_of[n, 0] >= 0, laws, unowned_view(table_of)[n], gravity, limits, references[c])
+        state.place[0], state.place[1], state.place[2] = (
+            start_at[n, 0] - meta[META_X],
+            start_at[n, 1] - meta[META_Y],
+            start_at[n, 2],
+        )
+        reset_motion(m)
+        state.q[:] = math.nan
+        done = lost = 0.0
+        out[n] = math.nan
+        ends[n, 0], ends[n, 1] = REACHED_END, counts[c]
+        code, steps = CONVERGED, 0
+        for k in range(counts[c] + 1):
+            command = all_commands[c, min(k, counts[c] - 1)]
+            fresh = k == 0
+            if k > 0 and k < counts[c]:
+                for j in range(C_SIZE):
+                    fresh |= command[j] != all_commands[c, k - 1, j]
+            if fresh:
+                set_hub_offsets(car, command[C_STEERING:], work.hub_offsets)
+                code, steps = evaluate(land, car, True, command, drive, work, s, m, state)
+            if code == CONVERGED and (k % every == 0 or k == counts[c]):
+                at = (k + every - 1) // every
+                record(car, steps, s, m, state, meta, out[n, at])
+                out[n, at, R_WORK], out[n, at, R_LOSS] = done, lost
+            if code == CONVERGED and k < counts[c]:
+                depth, part, worst = 0, 0, tolerance * -s.weight[2] * span * references[c]
+                while part < 1 << DEEPEST:
+                    share = span / (1 << depth)
+                    keep(state, work, m)
+                    code = runge_kutta(land, car, share, command, drive, work, s, m, state)
+                    if code == CONVERGED:
+                        code, steps = evaluate(land, car, True, command, drive, work, s, m, state)
+                    gain = -s.weight[2] * (state.height[0] - kept[20])
+                    error = abs(share / 6.0 * (state.total[3] - state.total[4]) - gain)
+                    if depth < DEEPEST and worst < math.inf and (code != CONVERGED or not error <= worst):
+                        restore(state, work, m)
+                        depth += 1
+                        continue
+                    if code != CONVERGED:
+                        break
+                    done, lost = done + share / 6.0 * state.total[3], lost + share / 6.0 * state.total[4]
+                    part += 1 << (DEEPEST - depth)
+                    while depth > 0 and part % (1 << (DEEPEST - depth + 1)) == 0:
+                        depth -= 1
+            if code != CONVERGED:
+                ends[n, 0], ends[n, 1] = code, k
+                break
+        places[n, 0], places[n, 1] = state.place[0] + meta[META_X], state.place[1] + meta[META_Y]
+        places[n, 2] = state.place[2]
+    buffer[0] = numbers[0] = 0.0  # keep the buffers alive: the work arrays are unowned views of them
+    more[0] = 0

@@ -1,0 +1,1 @@
+"""Motion of a rover predicted from the forces on its wheels."""
