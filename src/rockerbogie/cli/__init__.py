@@ -26,6 +26,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "climb": ("rockerbogie.cli.climb:climb", "Drive a rover over a step, a ditch or stairs: friction and torque needed, limits."),
     "drive": ("rockerbogie.cli.drive:drive", "Drive a rover along a path quasi-statically."),
     "simulate": ("rockerbogie.cli.drive:simulate", "Simulate a drive in MuJoCo's rigid-body dynamics, and compare."),
+    "predict": ("rockerbogie.cli.predict:predict", "Predict where a rover goes open loop: slip, forces, torques, energy."),
     "map": ("rockerbogie.cli.map:map_", "Map where a rover can drive on a whole terrain: GeoTIFF for QGIS, Zarr or NetCDF."),
     "plan": ("rockerbogie.cli.plan:plan", "Compute the least-cost route over a map from `rockerbogie map`."),
     "odometry": ("rockerbogie.cli.odometry:odometry", "Compute 3-D odometry from a log of joint sensors."),

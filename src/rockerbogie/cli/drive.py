@@ -142,7 +142,7 @@ def drive(
     field = parse_gravity(gravity)
     machine = load_rover(rover)
     ground = load_terrain(terrain, linear, raster)
-    way = _path(path, radius, machine, ground)
+    way = path_of(path, radius, machine, ground)
     with progress() as bar:
         task = bar.add_task("driving", total=None)
         near = np.zeros(6) if continuous_steering else None
@@ -238,7 +238,7 @@ def simulate(
     guard_outputs(written, terrain, rover, path, force=force)
     machine = load_rover(rover)
     ground = load_terrain(terrain, linear, raster)
-    way = _path(path, radius, machine, ground)
+    way = path_of(path, radius, machine, ground)
     run = _on_map(drive_rover(machine, ground, way, speed), ground)
     with progress() as bar:
         task = bar.add_task("simulating", total=1.0)
@@ -276,10 +276,21 @@ def simulate(
     return EXIT_NOT_THERE
 
 
-def _path(text: str | None, radius: float, rover: Rover, terrain: Terrain) -> Path:
+def path_of(text: str | None, radius: float, rover: Rover, terrain: Terrain) -> Path:
     """Return the path of a file or of waypoints `x,y x,y …`.
 
     The default path is straight through the middle of the map; it keeps the rover's reach away from the edge of the map.
+
+    Args:
+        text: of the option; None for the default path.
+        radius: turning radius at waypoints, m.
+        rover, terrain: for the default path.
+
+    Returns:
+        The path.
+
+    Raises:
+        PathError: points that no path goes through, or a map that is too short.
     """
     if text is not None and (text.lower().endswith(".csv") or is_vector(text)):
         return read_route(text, radius)
