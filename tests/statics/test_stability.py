@@ -129,3 +129,24 @@ def test_the_tip_angle_is_signed(heading: float) -> None:
     assert after.tip_margin == beyond.tip_margin == 0.0
     assert after.tip_angle < 0.0
     assert beyond.tip_angle == pytest.approx(after.tip_angle - np.radians(8.0), abs=1e-3), "gravity turns back by the excess"
+
+
+@pytest.mark.parametrize(("name", "surface", "mode"), [("curiosity", "mars", "contact"), ("osr", "mars", "equilibrium")])
+def test_both_bounds_of_the_margin_agree(name: str, surface: str, mode: str) -> None:
+    pose = settled(name, 11, 300, mode, surface)
+    got = rb.stability(pose)
+    found = np.isfinite(pose.z)
+    assert np.isfinite(got.tip_margin[found]).mean() > 0.99
+    gap = got.tip_margin - got.tip_bound
+    assert np.isfinite(gap[found]).mean() > 0.98  # contacts under the body have no lower bound
+    assert np.nanmax(gap) < 1e-4
+    assert np.nanmin(gap) >= 0.0
+
+
+def test_a_margin_does_not_depend_on_the_other_poses_of_a_batch() -> None:
+    pose = settled("sawppy", 3, 20)
+    many = rb.stability(pose)
+    for k in (0, 7, 19):
+        one = rb.stability(rb.settle(pose.rover, pose.terrain, pose.x[k], pose.y[k], pose.yaw[k]))
+        assert one.tip_margin == many.tip_margin[k]
+        assert one.edge == many.edge[k]

@@ -37,10 +37,10 @@ def tip_margin(rover: Rover, T: Array, rocker: float, bogie: Array, steering: Ar
     axle = wheel_frames(rover, rocker, bogie, steering)
     contact = body_transform(0, 0, 0, roll, pitch, 0.0) @ contact_frames(rover, axle, contact_angle)
     q = np.array([[0.0, roll, pitch, rocker, bogie[0], bogie[1]]])
-    margin, direction, angle, energy = np.empty((4, 1))
+    margin, bound, direction, angle, energy = np.empty((5, 1))
     kernel.stability_batch(
         rover.packed, np.zeros(1), steering[None], q, np.ascontiguousarray(contact[None, :, :3, 3]),
         np.ascontiguousarray(contact[None, :, :3, 2]), NO_STOPS, NO_BELLY, NO_BELLY, GRIP,
-        margin, direction, np.empty((1, 6), dtype=bool), np.empty(1, dtype=bool), angle, energy, 0, 1,
+        margin, bound, direction, np.empty((1, 6), dtype=bool), np.empty(1, dtype=bool), angle, energy, 0, 1,
     )  # fmt: skip
     return float(margin[0])

@@ -32,6 +32,8 @@ class Stability:
             turn until some do, rad.
         tip_margin: (...) least angle by which gravity must turn until no contact forces hold the rover, rad; 0 if none
             holds it as it stands, π/2 if no turn up to that moves it.
+        tip_bound: (...) angle up to which contact forces were found to hold the pose in every azimuth, rad: a lower bound of
+            `tip_margin`; NaN where it is not known.
         direction: (...) azimuth in which the centre of mass then starts to move, from +x, counter-clockwise, rad; NaN where
             the margin is 0 or π/2.
         stays: (..., 6) True for the wheels whose contacts stay in place in that motion: the edge that the rover tips over.
@@ -43,6 +45,7 @@ class Stability:
 
     tip_angle: Array
     tip_margin: Array
+    tip_bound: Array
     direction: Array
     stays: NDArray[np.bool_]
     slides: NDArray[np.bool_]
@@ -86,15 +89,16 @@ def stability(pose: Pose, *, gravity: float | None = None, friction: float = GRI
     if not (isinstance(friction, (int, float, np.number)) and 0.0 < friction <= 50.0):
         raise RockerbogieError(f"friction is {friction!r}; give a coefficient above 0, at most 50")
     n = pose.status.size
-    margin, direction, angle, energy = np.empty((4, n))
+    margin, bound, direction, angle, energy = np.empty((5, n))
     stays, slides = np.empty((n, 6), dtype=bool), np.empty(n, dtype=bool)
-    parallel_for(kernel.stability_batch, n, *packed, float(friction), margin, direction, stays, slides, angle, energy)
+    parallel_for(kernel.stability_batch, n, *packed, float(friction), margin, bound, direction, stays, slides, angle, energy)
     angle_to_hold = _tip_angles(packed, margin, friction)
     margin[angle_to_hold < 0.0] = 0.0
     shape = pose.shape
     return Stability(
         tip_angle=angle_to_hold.reshape(shape),
         tip_margin=margin.reshape(shape),
+        tip_bound=bound.reshape(shape),
         direction=direction.reshape(shape),
         stays=stays.reshape(*shape, 6),
         slides=slides.reshape(shape),

@@ -13,6 +13,8 @@ from ..model.linkage import P_BOX, PITCH, ROLL, Z, body_axes
 from ..search.body_box import N_GAP, N_GX, N_GY, N_X, N_Y, N_Z, NEAR_SIZE, box_over_ground
 from .balance import EQUATIONS, axle_torque
 from .friction_path import HELD, UNHELD
+from .lane_friction import UNSOLVED, friction_batch
+from .lane_tipping import SOLVED, margin_batch
 from .laws import equal_slip, equal_torque, frictionless_sides, parallel_forces
 from .least_friction import least_friction, lower_bound
 from .mechanism import BELLY, EXTRA, ON_BELLY, assemble, gravity_column, new_mechanism
@@ -94,7 +96,14 @@ def loads_batch(
     m = new_mechanism()
     b, f, sizes = np.empty(EQUATIONS), np.zeros((6, 3)), np.zeros(6)
     y, v = np.zeros(EXTRA), np.zeros(EQUATIONS)
+    if law == LEAST_FRICTION:
+        friction_batch(
+            rover, yaw, steering, q, point, normal, stops, belly_point, field, drawbar,
+            force, torque, required, bound, limit, belly, status, BALANCED, start, stop,
+        )  # fmt: skip
     for k in range(start, stop):
+        if law == LEAST_FRICTION and status[k] != UNSOLVED:
+            continue
         force[k] = torque[k] = limit[k] = math.nan
         required[k] = bound[k] = belly[k] = math.nan
         status[k] = NO_POSE
@@ -175,8 +184,8 @@ def loads_batch(
 def stability_batch(
     rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, stops: NDArray[np.int8],
     belly_point: Array, belly_normal: Array, friction: float,
-    margin: Array, direction: Array, stays: NDArray[np.bool_], slides: NDArray[np.bool_], angle: Array, energy: Array,
-    start: int, stop: int,
+    margin: Array, bound: Array, direction: Array, stays: NDArray[np.bool_], slides: NDArray[np.bool_], angle: Array,
+    energy: Array, start: int, stop: int,
 ) -> None:  # fmt: skip
     """Fill the tip margins of each pose.
 
@@ -184,6 +193,7 @@ def stability_batch(
         rover, yaw, steering, q, point, normal, stops, belly_point, belly_normal: as for `loads_batch`.
         friction: friction coefficient.
         margin: (n,) filled with the hold margin, rad; NaN without a pose.
+        bound: (n,) filled with the turn up to which forces hold the pose in every azimuth, rad; NaN where it is not known.
         direction: (n,) filled with the azimuth in which the centre of mass then moves, rad.
         stays: (n, 6) filled with True for wheels that stay in place in that motion.
         slides: (n,) filled with True if no contact stays in place.
@@ -192,10 +202,15 @@ def stability_batch(
         start, stop: range of poses.
     """
     m = new_mechanism()
-    travel, way = np.empty((3, EQUATIONS)), np.empty(3)
+    travel, way, status = np.empty((3, EQUATIONS)), np.empty(3), np.empty(margin.size, np.uint8)
     for k in range(start, stop):
-        margin[k] = direction[k] = angle[k] = energy[k] = math.nan
+        margin[k] = bound[k] = direction[k] = angle[k] = energy[k] = math.nan
         stays[k] = slides[k] = False
+    margin_batch(
+        rover, yaw, steering, q, point, normal, stops, belly_point, friction,
+        margin, bound, direction, stays, slides, status, start, stop,
+    )  # fmt: skip
+    for k in range(start, stop):
         at = k if belly_point.shape[0] > 1 else 0
         count, more, reach = assemble(
             m, rover, yaw[k], steering[k if steering.shape[0] > 1 else 0], q[k], point[k], normal[k], stops[k],
@@ -209,9 +224,12 @@ def stability_batch(
             )
             for n in range(EQUATIONS):
                 travel[c, n] /= mass
-        margin[k], slides[k] = hold_margin(m, count, more, travel, friction, way, stays[k])
-        if 0.0 < margin[k] < 0.5 * math.pi:
-            direction[k] = math.atan2(way[1], way[0])
+        if status[k] != SOLVED:
+            stays[k] = False
+            margin[k], slides[k] = hold_margin(m, count, more, travel, friction, way, stays[k])
+            direction[k] = math.nan
+            if 0.0 < margin[k] < 0.5 * math.pi:
+                direction[k] = math.atan2(way[1], way[0])
         # moments of a unit weight about the origin, (x, y, z) × (0, 0, 1) = (y, -x, 0), give the centre of mass but its height,
         # and those of a force along x give that: (x, y, z) × (1, 0, 0) = (0, z, -y)
         cx, cy, cz = -travel[2, 4] * reach, travel[2, 3] * reach, travel[0, 4] * reach

@@ -1,0 +1,69 @@
+"""Linear equations of all lanes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..jit.vectors import larger, root
+
+PIVOT = 1e-14  # smallest pivot, of its diagonal element
+
+
+def dots(a: list[Any], b: list[Any]) -> Any:
+    """Return the scalar product of two lists.
+
+    Args:
+        a, b: lists of one length.
+    """
+    total = a[0] * b[0]
+    for x, y in zip(a[1:], b[1:], strict=True):
+        total = total + x * y
+    return total
+
+
+def factor(m: list[list[Any]], size: int) -> list[Any]:
+    """Replace the lower triangle of a matrix by its Cholesky factor, without its diagonal.
+
+    Args:
+        m: (size, size) None where an element is 0.
+        size: number of rows.
+
+    Returns:
+        Reciprocals of the diagonal.
+    """
+    over: list[Any] = []
+    for j in range(size):
+        d = m[j][j]
+        least = d * PIVOT
+        for k in range(j):
+            if m[j][k] is not None:
+                d = d - m[j][k] * m[j][k]
+        over.append(1.0 / root(larger(d, least)))
+        for i in range(j + 1, size):
+            s = m[i][j]
+            for k in range(j):
+                if m[i][k] is not None and m[j][k] is not None:
+                    s = -(m[i][k] * m[j][k]) if s is None else s - m[i][k] * m[j][k]
+            m[i][j] = None if s is None else s * over[j]
+    return over
+
+
+def solve(m: list[list[Any]], over: list[Any], x: list[Any]) -> list[Any]:
+    """Return the solution of L Lᵀ y = x.
+
+    Args:
+        m, over: as `factor` leaves them.
+        x: right-hand side.
+    """
+    size, y = len(over), list(x)
+    for i in range(size):
+        for k in range(i):
+            if m[i][k] is not None:
+                y[i] = y[i] - m[i][k] * y[k]
+        y[i] = y[i] * over[i]
+    for i in range(size - 1, -1, -1):
+        for k in range(i + 1, size):
+            if m[k][i] is not None:
+                y[i] = y[i] - m[k][i] * y[k]
+        y[i] = y[i] * over[i]
+    return y

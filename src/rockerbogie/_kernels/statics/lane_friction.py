@@ -1,0 +1,255 @@
+"""Least friction coefficients of a batch of poses, LANES at once.
+
+Each lane goes through one pose after another: to the central point of a friction coefficient that is large enough, and from there
+along the central path to the least one. A path that is lost starts again at another coefficient.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit.decorators import njit
+from ..jit.vectors import LANES
+from ..model.wheel import AX, AY, AZ
+from .balance import EQUATIONS as BALANCE_EQUATIONS
+from .balance import axle_torque
+from .lane_problem import (
+    CENTRE,
+    CENTRE_STEPS,
+    Block,
+    is_central,
+    load_contacts,
+    new_block,
+    power,
+    set_problem,
+    set_weight,
+    start,
+    touches_belly,
+    vector,
+)
+from .lane_rows import BALANCE, EQUATIONS, LIMITS, PROBLEM, RESULT, STATE, WHEEL
+from .primal_dual import balance_step, friction_step
+
+Array = NDArray[np.float64]
+
+GAP = 1e-8  # power of all forces at the end: the error of μ is about this
+STEPS = 60  # for one pose
+LOST = 1e-3  # share of a step below which the path is lost
+WIDEST = 64.0  # largest friction coefficient tried
+STEEP, ABOVE = 1.3, 0.05  # first friction coefficient: STEEP times the contacts' mean slope, and ABOVE
+LEAST_COSINE = 0.05  # of a contact's slope in it
+PROOF = 1.5  # of the power v·b: work that the proof takes from the motion
+PROVED = 1e-6  # largest gap between the least friction found and its bound
+ROUNDING = 1e-9  # taken from a proved coefficient, for the rounding of velocities and power
+UNSOLVED = 255
+
+
+@njit
+def friction_batch(
+    rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, stops: NDArray[np.int8],
+    belly_point: Array, field: Array, drawbar: Array,
+    force: Array, torque: Array, required: Array, bound: Array, limit: Array, belly: Array, status: NDArray[np.uint8],
+    solved: int, first: int, last: int,
+) -> None:  # fmt: skip
+    """Fill the contact forces of least friction of each pose that the lanes solve.
+
+    Args:
+        rover, yaw, steering, q, point, normal, stops, belly_point, field, drawbar: as for `loads.loads_batch`.
+        force, torque, required, bound, limit, belly: filled as by `loads.loads_batch` where solved.
+        status: (n,) filled with `solved`, or UNSOLVED.
+        solved: status of a pose that is solved.
+        first, last: range of poses.
+    """
+    t = new_block()
+    lanes = t.lanes
+    low, high, began = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
+    k, busy = first, 0
+    while True:
+        for l in range(LANES):
+            while t.pose[l] < 0 and k < last:
+                status[k] = UNSOLVED
+                mu = _load(t, l, k, rover, yaw, steering, q, point, normal, stops, belly_point, field, drawbar)
+                if mu > 0.0:
+                    low[l], high[l], began[l] = 0.0, WIDEST, mu
+                    t.pose[l], t.steps[l] = k, 0
+                    start(t, l, mu, 0.0)
+                    busy += 1
+                k += 1
+        if busy == 0:
+            break
+        friction_step(lanes)
+        for l in range(LANES):
+            if t.pose[l] < 0:
+                continue
+            t.steps[l] += 1
+            done, lost = t.steps[l] >= STEPS, False
+            if not t.on_path[l]:
+                if is_central(t, l):
+                    _free(t, l)
+                elif t.steps[l] - t.first[l] >= CENTRE_STEPS:
+                    low[l], lost = began[l], True
+            elif lanes[RESULT.gap * LANES + l] < GAP:
+                done = True
+                _finish(t, l, rover, point, field, drawbar, force, torque, required, bound, limit, belly, status, solved)
+            elif not lanes[RESULT.bowed * LANES + l] > 0.0 or not lanes[RESULT.alpha * LANES + l] > LOST:
+                high[l], lost = began[l], True
+            if lost and not done:
+                began[l] = 2.0 * low[l] if high[l] == WIDEST else low[l] + 0.6 * (high[l] - low[l])
+                done = began[l] >= WIDEST
+                start(t, l, began[l], 0.0)
+            if done:
+                t.pose[l] = -1
+                busy -= 1
+
+
+@njit
+def _load(
+    t: Block, l: int, k: int, rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array,
+    stops: NDArray[np.int8], belly_point: Array, field: Array, drawbar: Array,
+) -> float:  # fmt: skip
+    """Load a pose into a lane.
+
+    Args:
+        t: work arrays.
+        l: lane.
+        k: pose.
+        rover, yaw, steering, q, point, normal, stops, belly_point, field, drawbar: as for `friction_batch`.
+
+    Returns:
+        Friction coefficient to start from; 0 if the lanes cannot solve the pose.
+    """
+    if touches_belly(belly_point[k if belly_point.shape[0] > 1 else 0]):
+        return 0.0
+    row = k if steering.shape[0] > 1 else 0
+    if not load_contacts(t, l, rover, yaw[k], steering[row], q[k], point[k], normal[k], stops[k]):
+        return 0.0
+    row = k if field.shape[0] > 1 else 0
+    gx, gy, gz = field[row, 0], field[row, 1], field[row, 2]
+    g = math.sqrt(gx * gx + gy * gy + gz * gz)
+    set_weight(t, l, rover, gx, gy, gz)
+    pull = drawbar[k if drawbar.shape[0] > 1 else 0]
+    for n in range(3):
+        t.column[n] -= pull * t.axes[l, 0, n]
+    set_problem(t, l, 0.0, -1.0 / (t.mass[l] * g))
+    t.lanes[(PROBLEM.limit + 3) * LANES + l] = 0.0
+    slope = 0.0
+    for i in range(6):
+        if not math.isnan(point[k, i, 0]):
+            cosine = -(gx * normal[k, i, 0] + gy * normal[k, i, 1] + gz * normal[k, i, 2]) / g
+            slope += math.sqrt(max(1.0 - cosine * cosine, 0.0)) / max(cosine, LEAST_COSINE)
+    return STEEP * slope / t.contacts[l] + ABOVE
+
+
+@njit
+def _free(t: Block, l: int) -> None:
+    """Start the path from a central point, with the motion's size that fits the multiplier of μ.
+
+    Args:
+        t: work arrays.
+        l: lane.
+    """
+    lanes = t.lanes
+    mu, slid = lanes[STATE.mu * LANES + l], 0.0
+    for i in range(6):
+        if lanes[(WHEEL.on + i) * LANES + l] > 0.0:
+            total, along = power(lanes, i, l)
+            slid += (total - along) / mu
+    size = 1.0 / max(CENTRE / mu - slid, 1e-3)
+    for r in range(18):
+        if lanes[(WHEEL.on + r % 6) * LANES + l] > 0.0:
+            lanes[(STATE.speed + r) * LANES + l] *= size
+    for r in range(EQUATIONS):
+        lanes[(STATE.v + r) * LANES + l] *= size
+    for j in range(3):
+        lanes[(STATE.w + j) * LANES + l] *= size
+    lanes[STATE.price * LANES + l] = CENTRE * size / mu
+    lanes[PROBLEM.free * LANES + l], t.on_path[l] = 1.0, True
+
+
+@njit
+def _proved(t: Block, l: int) -> float:
+    """Return a friction coefficient proved too small (docs/forces.md), 0 if there is no proof.
+
+    The motion of the last step is shifted so that gravity works in it, at the least cost to what the contacts can spare.
+
+    Args:
+        t: work arrays.
+        l: lane.
+    """
+    lanes = t.lanes
+    v, work, size = np.empty(EQUATIONS), 0.0, 0.0
+    for n in range(BALANCE_EQUATIONS):
+        b = lanes[(PROBLEM.b + n) * LANES + l]
+        work += b * lanes[(STATE.v + n) * LANES + l]
+        size += b * lanes[(RESULT.proof + n) * LANES + l]
+    after = 0.0
+    shift = PROOF * max(work, 0.0) / size
+    for n in range(BALANCE_EQUATIONS):
+        v[n] = lanes[(STATE.v + n) * LANES + l] - shift * lanes[(RESULT.proof + n) * LANES + l]
+        after += v[n] * lanes[(PROBLEM.b + n) * LANES + l]
+    good = after < 0.0
+    for j in range(3):
+        if lanes[(PROBLEM.limit + j) * LANES + l] > 0.0:
+            good &= lanes[(PROBLEM.sign + j) * LANES + l] * v[LIMITS[j]] >= 0.0
+    least, u = math.inf, np.empty(3)
+    for i in range(6):
+        if lanes[(WHEEL.on + i) * LANES + l] == 0.0:
+            continue
+        bogie, along = v[i % 2] if i > 1 else 0.0, 0.0
+        for c in range(3):
+            a, b = (c + 1) % 3, (c + 2) % 3
+            u[c] = v[BALANCE[c]] + v[BALANCE[6]] * lanes[(WHEEL.rocker + 6 * c + i) * LANES + l]
+            u[c] += bogie * lanes[(WHEEL.bogie + 6 * c + i) * LANES + l]
+            u[c] += v[BALANCE[3 + a]] * lanes[(WHEEL.point + 6 * b + i) * LANES + l]
+            u[c] -= v[BALANCE[3 + b]] * lanes[(WHEEL.point + 6 * a + i) * LANES + l]
+            along += u[c] * lanes[(WHEEL.normal + 6 * c + i) * LANES + l]
+        good &= along >= 0.0
+        across = math.sqrt(max(u[0] ** 2 + u[1] ** 2 + u[2] ** 2 - along * along, 0.0))
+        least = min(least, along / across)
+    return least if good and least > 0.0 else 0.0
+
+
+@njit
+def _finish(
+    t: Block, l: int, rover: Array, point: Array, field: Array, drawbar: Array,
+    force: Array, torque: Array, required: Array, bound: Array, limit: Array, belly: Array, status: NDArray[np.uint8],
+    solved: int,
+) -> None:  # fmt: skip
+    """Fill the results of a lane whose minimum is proved.
+
+    Args:
+        t: work arrays.
+        l: lane.
+        rover, point, field, drawbar, force, torque, required, bound, limit, belly, status, solved: as for `friction_batch`.
+    """
+    lanes, k = t.lanes, t.pose[l]
+    below = _proved(t, l)
+    if not lanes[STATE.mu * LANES + l] - below < PROVED:
+        return
+    row = k if field.shape[0] > 1 else 0
+    weight = t.mass[l] * math.sqrt(field[row, 0] ** 2 + field[row, 1] ** 2 + field[row, 2] ** 2)
+    balance_step(lanes)
+    used = 0.0
+    force[k] = torque[k] = limit[k] = belly[k] = 0.0
+    for i in range(6):
+        if lanes[(WHEEL.on + i) * LANES + l] == 0.0:
+            continue
+        w = t.wheels[l, i]
+        fx, fy, fz = vector(lanes, RESULT.force, i, l)
+        nx, ny, nz = vector(lanes, WHEEL.normal, i, l)
+        tx, ty, tz = w[AY] * nz - w[AZ] * ny, w[AZ] * nx - w[AX] * nz, w[AX] * ny - w[AY] * nx
+        size = math.sqrt(tx * tx + ty * ty + tz * tz)
+        tx, ty, tz = tx / size, ty / size, tz / size
+        n, along = nx * fx + ny * fy + nz * fz, tx * fx + ty * fy + tz * fz
+        side = (ny * tz - nz * ty) * fx + (nz * tx - nx * tz) * fy + (nx * ty - ny * tx) * fz
+        used = max(used, math.sqrt(along * along + side * side) / n)
+        force[k, i, 0], force[k, i, 1], force[k, i, 2] = n * weight, along * weight, side * weight
+        torque[k, i] = axle_torque(w, point[k, i], fx * weight, fy * weight, fz * weight)
+    for j in range(3):
+        if lanes[(PROBLEM.limit + j) * LANES + l] > 0.0:
+            push = lanes[(RESULT.y + j) * LANES + l] * lanes[(PROBLEM.sign + j) * LANES + l]
+            limit[k, j] = push * weight * t.reach[l]
+    required[k], bound[k], status[k] = used, max(min(below, used) - ROUNDING, 0.0), solved

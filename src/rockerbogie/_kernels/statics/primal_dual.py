@@ -1,0 +1,227 @@
+"""Primal-dual steps of LANES cone problems at once.
+
+Both problems balance contact forces in friction cones (`balance`), with one more unknown: the friction coefficient μ, to be
+the least (`least_friction` has the conditions), or the tangent θ of gravity's turn in one azimuth, to be the largest:
+
+    greatest θ   such that   Σ F + Σ y = b - θ e,   |F_t| ≤ μ F_n,   y ≥ 0
+
+A step is Mehrotra's predictor and corrector with Nesterov-Todd scaling; the forces need not balance at the start, nor the
+velocities be those of a motion.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..jit.vectors import larger, on_lanes, root, smaller, where
+from .cone_scaling import Cone, Vector, Wheel, read, write
+from .lane_algebra import dots, factor, solve
+from .lane_rows import EQUATIONS, LIMITS, PROBLEM, RESULT, STATE
+
+TINY = 1e-300
+FAR = 1e30
+BACK = 0.98  # share of the way to the boundary of the cones
+TRIES, SHORTER = 5, 0.75  # how often, and to which share, a step is shortened that leaves the cones of the new μ
+
+
+class Limit:
+    """Force that cannot be negative, in one equation."""
+
+    def __init__(self, rows: Any, j: int, v: list[Any]) -> None:
+        self.j, self.row = j, LIMITS[j]
+        self.on, self.sign = rows[PROBLEM.limit + j], rows[PROBLEM.sign + j]
+        self.y, self.w = rows[STATE.y + j], rows[STATE.w + j]
+        self.over_y, self.over_w = 1.0 / self.y, 1.0 / self.w
+        self.residual = self.sign * v[self.row] - self.w
+        self.target: Any = None
+        self.dy: Any = None
+        self.dw: Any = None
+
+
+def step(rows: Any, friction: bool) -> None:
+    """Take one step in all lanes.
+
+    Args:
+        rows: rows of the lane array (`lane_rows`).
+        friction: True: least friction coefficient; False: greatest turn of gravity.
+    """
+    size = EQUATIONS - 1 if friction else EQUATIONS
+    mu, price, theta, free = rows[STATE.mu], rows[STATE.price], rows[STATE.theta], rows[PROBLEM.free]
+    v = [rows[STATE.v + k] for k in range(size)]
+    b = [rows[PROBLEM.b + k] for k in range(size)]
+    zero, over_mu = mu * 0.0, 1.0 / mu
+    e = [zero] * size if friction else [rows[PROBLEM.e + k] for k in range(size)]
+    short = list(b) if friction else [b[k] - theta * e[k] for k in range(size)]
+    matrix: list[list[Any]] = [[None] * size for _ in range(size)]
+    gap, bowed, left = zero, zero, price - 1.0
+    wheels = [Wheel(rows, i, not friction) for i in range(6)]
+    limits = [Limit(rows, j, v) for j in range(3 if friction else 4)]
+    for s in wheels:
+        f, u = read(rows, STATE.force, s.i), read(rows, STATE.speed, s.i)
+        s.residual = (s.velocity(v) - u) * s.on
+        n = s.n.dot(f)
+        s.x = Cone(n, (f - s.n * n) * over_mu)
+        n = s.n.dot(u)
+        s.slide = u - s.n * n
+        s.z = Cone(n, s.slide * mu)
+        excess_x, excess_z, power = larger(s.x.excess(), TINY), larger(s.z.excess(), TINY), f.dot(u)
+        gap = gap + s.on * power
+        s.set_scaling(1.0 / root(excess_x), 1.0 / root(excess_z), power, excess_x, excess_z)
+        s.add_metric(matrix, mu, friction)
+        for k, part in s.generalized(f * s.on):
+            short[k] = short[k] - part
+        if friction:
+            along = s.w.t.dot(s.slide)
+            bowed = bowed - s.square * (2.0 * along * along + s.slide.dot(s.slide))
+            left = left - s.on * s.slide.dot(s.x.t)
+            by_mu = Cone(2.0 * s.square * s.w.n * along, (s.w.t * (2.0 * along) + s.slide) * s.square)
+            for k, part in s.generalized(s.x.t * s.on - s.world(by_mu, mu)):
+                e[k] = e[k] + part
+    for q in limits:
+        matrix[q.row][q.row] = matrix[q.row][q.row] + q.on * q.y * q.over_w
+        short[q.row] = short[q.row] - q.on * q.sign * q.y
+        gap = gap + q.on * q.y * q.w
+    if friction:
+        gap = gap + mu * price
+    tau = gap / rows[PROBLEM.cones]
+    over = factor(matrix, size)
+    v_e = solve(matrix, over, e)
+    bowed = bowed + dots(e, v_e)
+    if friction:
+        bowed = bowed + price * over_mu
+        for k, part in enumerate(solve(matrix, over, b)):
+            rows[RESULT.proof + k] = part
+    sigma, alpha, rest, d_theta, d_price = zero, zero, zero + 1.0, zero, zero
+    dv = v
+    for phase in range(2):
+        v_p = [-rest * x for x in short]
+        if friction:
+            back = -price if phase == 0 else (sigma * tau - alpha * alpha * d_theta * d_price) * over_mu - price
+            short_e = left * rest + back
+        else:
+            short_e = rest * (1.0 - dots(e, v))
+        for s in wheels:
+            s.target = (s.x * -1.0 if phase == 0 else s.corrector(sigma * tau, alpha * alpha)) * s.on
+            part = s.target - s.hessian(s.cone(s.residual, mu)) * rest
+            if friction:
+                short_e = short_e - s.slide.dot(part.t)
+            for k, value in s.generalized(s.world(part, mu)):
+                v_p[k] = v_p[k] + value
+        for q in limits:
+            q.target = -q.y if phase == 0 else (sigma * tau - alpha * alpha * q.dy * q.dw) * q.over_w - q.y
+            v_p[q.row] = v_p[q.row] + q.on * q.sign * (q.target - q.y * q.over_w * q.residual * rest)
+        v_p = solve(matrix, over, v_p)
+        d_theta = free * (short_e - dots(e, v_p)) / bowed
+        dv = [x + y * d_theta for x, y in zip(v_p, v_e, strict=True)]
+        rate = zero + 1.0 / FAR
+        if friction:
+            d_price = free * (back - price * over_mu * d_theta)
+            rate = larger(rate, larger(-over_mu * d_theta, -d_price / price))
+        for s in wheels:
+            s.du = s.velocity(dv) * s.on + s.residual * rest
+            s.dz = s.cone(s.du, mu)
+            if friction:
+                s.dz = Cone(s.dz.n, s.dz.t + s.slide * (s.on * d_theta))
+            s.dx = s.target - s.hessian(s.dz)
+            rate = larger(rate, larger(s.x.rate(s.dx, s.over_x), s.z.rate(s.dz, s.over_z)))
+        for q in limits:
+            q.dw = q.on * (q.sign * dv[q.row] + rest * q.residual)
+            q.dy = q.on * (q.target - q.y * q.over_w * q.dw)
+            rate = larger(rate, larger(-q.dy * q.over_y, -q.dw * q.over_w))
+        alpha = smaller(BACK / rate, 1.0)
+        if phase == 0:
+            remains = 1.0 - alpha
+            sigma = free * remains * remains * remains + (1.0 - free) * rows[PROBLEM.target] / tau
+            rest = 1.0 - free * sigma
+    forces = [s.world(s.dx, mu) + s.x.t * (s.on * d_theta) if friction else s.world(s.dx, mu) for s in wheels]
+    if friction:
+        alpha = inside_new_cones(wheels, forces, mu, alpha, d_theta)
+    for s, df in zip(wheels, forces, strict=True):
+        write(rows, STATE.force, s.i, read(rows, STATE.force, s.i) + df * alpha)
+        write(rows, STATE.speed, s.i, read(rows, STATE.speed, s.i) + s.du * alpha)
+    for k in range(size):
+        rows[STATE.v + k] = v[k] + alpha * dv[k]
+    for q in limits:
+        rows[STATE.y + q.j], rows[STATE.w + q.j] = q.y + alpha * q.dy, q.w + alpha * q.dw
+    if friction:
+        rows[STATE.mu], rows[STATE.price] = mu + alpha * d_theta, price + alpha * d_price
+    else:
+        rows[STATE.theta] = theta + alpha * d_theta
+    worst = zero
+    for x in short:
+        worst = larger(worst, larger(x, -x))
+    rows[RESULT.gap], rows[RESULT.short], rows[RESULT.bowed], rows[RESULT.alpha] = gap, worst, bowed, alpha
+
+
+def inside_new_cones(wheels: list[Wheel], forces: list[Vector], mu: Any, alpha: Any, d_mu: Any) -> Any:
+    """Return the share of a step that keeps forces and velocities in the cones of the new μ.
+
+    Args:
+        wheels: contacts with their steps.
+        forces: steps of the contact forces.
+        mu: friction coefficient before the step.
+        alpha: share of the step inside the cones of x and z.
+        d_mu: step of the friction coefficient.
+    """
+    slides = [s.du - s.n * s.n.dot(s.du) for s in wheels]
+    across = [df - s.n * s.n.dot(df) for s, df in zip(wheels, forces, strict=True)]
+    for _ in range(TRIES):
+        new, least = mu + alpha * d_mu, mu * 0.0 + FAR
+        for s, slide, df in zip(wheels, slides, across, strict=True):
+            force = Cone((s.x.n + alpha * s.dx.n) * new, s.x.t * mu + df * alpha)
+            speed = Cone(s.z.n + alpha * s.dz.n, (s.slide + slide * alpha) * new)
+            least = smaller(least, smaller(force.excess(), speed.excess()))
+        alpha = where(least > 0.0, alpha, SHORTER * alpha)
+    return alpha
+
+
+def balance(rows: Any) -> None:
+    """Fill forces that balance exactly, by the least relative change.
+
+    Args:
+        rows: rows of the lane array (`lane_rows`).
+    """
+    size = EQUATIONS - 1
+    one = rows[STATE.mu] * 0.0 + 1.0
+    short = [rows[PROBLEM.b + k] for k in range(size)]
+    matrix: list[list[Any]] = [[None] * size for _ in range(size)]
+    wheels = [Wheel(rows, i, False) for i in range(6)]
+    limits = [Limit(rows, j, short) for j in range(3)]
+    for s in wheels:
+        force = read(rows, STATE.force, s.i)
+        n = s.n.dot(force)
+        s.w, s.square = Cone(one, s.n * 0.0), n * n * s.on  # the metric of `add_metric` is then n²
+        s.add_metric(matrix, one, True)
+        for k, part in s.generalized(force * s.on):
+            short[k] = short[k] - part
+    for q in limits:
+        matrix[q.row][q.row] = matrix[q.row][q.row] + q.on * q.y * q.y
+        short[q.row] = short[q.row] - q.on * q.sign * q.y
+    shift = solve(matrix, factor(matrix, size), short)
+    for s in wheels:
+        write(rows, RESULT.force, s.i, read(rows, STATE.force, s.i) + s.velocity(shift) * s.square)
+    for q in limits:
+        rows[RESULT.y + q.j] = q.y + q.on * q.sign * q.y * q.y * shift[q.row]
+
+
+def _friction(rows: Any) -> None:
+    """Take one step of the least friction coefficient.
+
+    Args:
+        rows: rows of the lane array.
+    """
+    step(rows, True)
+
+
+def _turn(rows: Any) -> None:
+    """Take one step of the greatest turn of gravity.
+
+    Args:
+        rows: rows of the lane array.
+    """
+    step(rows, False)
+
+
+friction_step = on_lanes(_friction)
+balance_step = on_lanes(balance)
+turn_step = on_lanes(_turn)
