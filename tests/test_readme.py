@@ -13,7 +13,7 @@ from rockerbogie.cli import COMMANDS, main
 
 README = Path(__file__).resolve().parents[1] / "README.md"
 #: Commands that take minutes, run until they are stopped, or need logs from Mars: their own tests run them.
-SLOW = ("reproduce", "lab", "bench", "compile", "benchmark", "fit-soil")
+SLOW = ("reproduce", "lab", "ros", "bench", "compile", "benchmark", "fit-soil")
 
 
 def commands() -> list[list[str]]:
@@ -52,6 +52,6 @@ def test_the_examples_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsy
             continue
         assert main(argv) == 0, (argv, capsys.readouterr().err)
         capsys.readouterr()
-        for option in ("-o", "--film"):
+        for option in ("-o", "--film", "--html"):
             if option in argv:
                 assert Path(argv[argv.index(option) + 1]).exists(), argv

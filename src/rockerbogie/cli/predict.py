@@ -36,6 +36,7 @@ from .common import (
     save_netcdf,
 )
 from .drive import Waypoints, path_of
+from .pictures import Html, checked_page, write_page
 from .rasters import Raster, load_terrain
 
 if TYPE_CHECKING:
@@ -65,6 +66,7 @@ def predict(
     linear: Linear = None,
     raster: Raster = None,
     output: Folder = None,
+    html: Html = None,
     force: Force = False,
     json: Json = False,
 ) -> int:
@@ -110,12 +112,14 @@ def predict(
         Bilinear or smooth cubic terrain between the nodes. Default: cubic for files.
     output
         Folder for pictures and data.
+    html
+        Page (.html) that replays the drive offline in any browser, with plots.
     force
         Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
         Print the result as JSON (SI units, radians) instead of the table.
     """
-    guard_outputs(in_folder(output, *FILES), terrain, rover, path, force=force)
+    guard_outputs([*in_folder(output, *FILES), *checked_page(html)], terrain, rover, path, force=force)
     field = parse_gravity(gravity)
     machine = load_rover(rover)
     surface = load_terrain(terrain, linear, raster)
@@ -131,7 +135,7 @@ def predict(
         if run.sizes["time"] == 0:
             return _no_start(f"the drive does not start at ({x:.10g}, {y:.10g}) m: {run.attrs['ends_because']}", run.attrs["end"])
         bar.update(task, description="drawing")
-        files = _write(machine, surface, run, output)
+        files = [*_write(machine, surface, run, output), *write_page(run, html, force)]
     result = _summary(run)
     if json:
         print_json(result | {"files": files})
