@@ -69,7 +69,7 @@ def check_numbers(page: Any, session: Any) -> None:
     state = session.state
     expected = shown(rb.settle(state.rover, state.terrain, state.x, state.y, state.yaw, mode=state.mode))
     for key, text in expected.items():
-        wait_for(lambda key=key, text=text: text_of(page, key) == text, f"{key} = {text}", 10.0)
+        wait_for(lambda key=key, text=text: text_of(page, key) == text, f"{key} = {text}")
 
 
 def test_the_page_shows_the_settled_rover(page: Any, session: Any) -> None:
@@ -214,7 +214,7 @@ def test_a_run_plays_and_scrubs(page: Any, session: Any) -> None:
         angle = math.degrees(float(run["roll"][index]))
         roll = f"{round(angle, 2) + 0.0:.2f}°"
         wait_for(lambda key=key: panel.time == pytest.approx(panel.run.duration if key == "End" else 0.0, abs=0.02), key)
-        wait_for(lambda roll=roll: text_of(page, "roll") == roll, f"roll {roll} of the run", 10.0)
+        wait_for(lambda roll=roll: text_of(page, "roll") == roll, f"roll {roll} of the run")
     assert not panel.playing
 
 

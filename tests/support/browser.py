@@ -18,7 +18,7 @@ FLAGS = [
     "--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1 , EXCLUDE localhost",
 ]  # fmt: skip
 #: Time within which something appears in the page, s. The browser draws on the processor, beside other tests.
-PATIENCE = 60.0
+PATIENCE = 180.0
 
 
 @contextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from ..terrain.heightfield import Terrain
 #: Stations along a ray in the first pass and in each refinement.
 STATIONS = 1500
 REFINED = 40
+_EXTREMES: WeakKeyDictionary[Terrain, tuple[float, float]] = WeakKeyDictionary()
 
 
 def ray_hit(terrain: Terrain, origin: Sequence[float], direction: Sequence[float], lift: float = 0.0) -> Array | None:
@@ -51,10 +53,18 @@ def ray_hit(terrain: Terrain, origin: Sequence[float], direction: Sequence[float
     return np.array([point[0], point[1], float(terrain.height(point[0], point[1])) + lift])
 
 
+def _extremes(terrain: Terrain) -> tuple[float, float]:
+    """Return the lowest and the highest height, m, computed once per terrain."""
+    known = _EXTREMES.get(terrain)
+    if known is None:
+        known = _EXTREMES[terrain] = (float(np.nanmin(terrain.z)), float(np.nanmax(terrain.z)))
+    return known
+
+
 def _within(terrain: Terrain, start: Array, along: Array, lift: float) -> tuple[float, float] | None:
     """Return the range of lengths within the box of the map, m; None outside it."""
     xmin, ymin, xmax, ymax = terrain.bounds
-    lowest, highest = float(np.nanmin(terrain.z)) + lift, float(np.nanmax(terrain.z)) + lift
+    lowest, highest = (height + lift for height in _extremes(terrain))
     room = 0.01 * (highest - lowest) + 1e-3
     box = ((xmin, xmax), (ymin, ymax), (lowest - room, highest + room))
     low, high = 0.0, math.inf

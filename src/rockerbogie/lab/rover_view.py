@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from ..arrays import Array
 from ..rotations import body_transform
+from ..rover.frames import ON_BOGIE, WHEEL_SIDE
 from ..rover.model import Rover
 from ..scene.rover_mesh import LINKS, link_transforms, rover_parts
 
@@ -19,6 +20,10 @@ if TYPE_CHECKING:
 #: Colour of the ring with which the rover is turned.
 RING = (244, 196, 48)
 RING_SIDES = 72
+#: Index of the link that carries each link of `LINKS`: body; bar, rods and rockers; bogies; forks; wheels. The body has none.
+CARRIED_BY = (-1, 0, 0, 0, 0, 0, 4, 5, *[(6 if ON_BOGIE[i] else 4) + WHEEL_SIDE[i] for i in range(6)] * 2)
+#: A link that has moved less than this against its carrier is not sent again, m and 1.
+UNMOVED = 1e-9
 
 
 class RoverView:
@@ -35,6 +40,7 @@ class RoverView:
         self.frames: list[Any] = []
         self.meshes: list[Any] = []
         self.rover: Rover | None = None
+        self._sent: Array = np.zeros(0)
 
     def build(self, rover: Rover) -> None:
         """Replace the meshes by those of a rover; they appear with the next `place`.
@@ -44,11 +50,15 @@ class RoverView:
         """
         self.remove()
         self.rover = rover
-        self.frames = [self.scene.add_frame(f"{self.name}/{link}", show_axes=False) for link in LINKS]
+        paths: list[str] = []
+        for link, carrier in zip(LINKS, CARRIED_BY, strict=True):
+            paths.append(f"{self.name if carrier < 0 else paths[carrier]}/{link}")
+        self.frames = [self.scene.add_frame(path, show_axes=False) for path in paths]
+        self._sent = np.full((len(LINKS), 3, 4), np.nan)
         for part in rover_parts(rover):
             self.meshes.append(
                 self.scene.add_mesh_simple(
-                    f"{self.name}/{part.link}/{part.name}",
+                    f"{paths[LINKS.index(part.link)]}/{part.name}",
                     part.vertices.astype(np.float32),
                     part.faces,
                     color=tuple(round(255 * c) for c in part.colour),
@@ -80,10 +90,21 @@ class RoverView:
         x, y, yaw = position
         T = body_transform(x, y, q[0], q[1], q[2], yaw)
         links = link_transforms(self.rover, T, q[3], q[4:6], steering, wheel_turn)
-        places = links[:, :3, 3] - offset
-        turns = np.roll(Rotation.from_matrix(links[:, :3, :3]).as_quat(), 1, axis=1)
-        for frame, place, turn in zip(self.frames, places, turns, strict=True):
-            frame.position, frame.wxyz = place, turn
+        local = links[:, :3]
+        carriers = links[list(CARRIED_BY[1:]), :3]
+        back = np.swapaxes(carriers[:, :, :3], 1, 2)
+        local = np.concatenate([back @ local[1:, :, :3], back @ (local[1:, :, 3:] - carriers[:, :, 3:])], axis=2)
+        local = np.concatenate([links[:1, :3], local])
+        local[0, :, 3] -= offset
+        moved = ~(np.abs(local - self._sent) < UNMOVED)
+        turned = np.flatnonzero(moved[:, :, :3].any(axis=(1, 2)))
+        for k in np.flatnonzero(moved[:, :, 3].any(axis=1)):
+            self.frames[k].position = local[k, :, 3]
+        if turned.size:
+            turns = np.roll(Rotation.from_matrix(local[turned, :, :3]).as_quat(), 1, axis=1)
+            for k, turn in zip(turned, turns, strict=True):
+                self.frames[k].wxyz = turn
+        self._sent = np.where(moved, local, self._sent)
 
     def show(self, visible: bool) -> None:
         """Show or hide the rover.
@@ -91,8 +112,7 @@ class RoverView:
         Args:
             visible: True to show it.
         """
-        for frame in self.frames:
-            frame.visible = visible
+        self.frames[0].visible = visible
 
     def on_drag(self, callback: Callable[[Any], Any]) -> None:
         """Call a function when a visitor drags any part.
@@ -105,8 +125,8 @@ class RoverView:
 
     def remove(self) -> None:
         """Remove all nodes."""
-        for frame in self.frames:
-            frame.remove()
+        if self.frames:
+            self.frames[0].remove()
         self.frames, self.meshes, self.rover = [], [], None
 
 

@@ -258,11 +258,15 @@ class Session:
             z = float(standing(self.state.rover, self.state.terrain, self.state.x, self.state.y)[0])
         centre = np.array([self.state.x, self.state.y, z]) - offset
         back = self.state.yaw + np.pi - 0.6
-        away = 4.2 * size
         camera = self.client.camera
+        narrow = camera.image_width < 0.8 * camera.image_height  # a phone: the controls cover the lower half
+        away = (8.0 if narrow else 4.2) * size
+        direction = np.array([0.8 * np.cos(back), 0.8 * np.sin(back), 0.5])
+        upward = np.array([-0.5 * np.cos(back), -0.5 * np.sin(back), 0.8])
+        shift = -0.22 * away * upward if narrow else np.zeros(3)
         camera.up_direction = (0.0, 0.0, 1.0)
-        camera.position = centre + away * np.array([0.8 * np.cos(back), 0.8 * np.sin(back), 0.5])
-        camera.look_at = centre
+        camera.position = centre + away * direction + shift
+        camera.look_at = centre + shift
         camera.near = max(0.002, 0.02 * size)
 
     # -- pointer ------------------------------------------------------------------------------------------------------

@@ -1,0 +1,200 @@
+"""Measure the server of `rockerbogie lab` with visitors that speak viser's protocol, without browsers.
+
+python tools/lab_load.py drag            settled poses per second received during a drag, and the server's time per pose
+python tools/lab_load.py open            time until a 2,000 x 2,000 terrain has arrived at a visitor
+python tools/lab_load.py visitors 600    ten visitors that drag, leave and return, for so many seconds: memory per wave
+"""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import json
+import sys
+import time
+from typing import Any
+
+import msgspec.msgpack
+import numpy as np
+import websockets
+import zstandard
+
+import rockerbogie as rb
+from rockerbogie.lab.server import start_lab
+
+VISITORS = 10
+#: Pointer messages per second, as the browser sends them.
+RATE = 20.0
+
+
+class Visitor:
+    """Connection of one visitor, with counts of what arrives."""
+
+    def __init__(self, url: str) -> None:
+        self.url = url.replace("http", "ws")
+        self.poses = self.bytes = 0
+        self.numbers = ""
+        self.nodes: set[str] = set()
+        self.last = 0.0
+
+    async def __aenter__(self) -> Visitor:
+        import viser
+
+        origin = self.url.replace("ws", "http")
+        protocol = websockets.Subprotocol(f"viser-v{viser.__version__}")
+        self.socket = await websockets.connect(self.url, subprotocols=[protocol], max_size=None, origin=websockets.Origin(origin))
+        self.reader = asyncio.create_task(self._read())
+        await self.send(
+            type="ViewerCameraMessage", wxyz=(1.0, 0, 0, 0), position=(3.0, 3, 3), fov=0.9, near=0.01, far=100.0,
+            image_height=600, image_width=800, look_at=(0.0, 0, 0), up_direction=(0.0, 0, 1),
+        )  # fmt: skip
+        return self
+
+    async def __aexit__(self, *_: Any) -> None:
+        await self.socket.close()
+        self.reader.cancel()
+
+    async def send(self, **message: Any) -> None:
+        await self.socket.send(msgspec.msgpack.encode(message))
+
+    async def _read(self) -> None:
+        unpack = zstandard.ZstdDecompressor()
+        async for raw in self.socket:
+            packed = int.from_bytes(raw[8:16], "little")
+            messages = msgspec.msgpack.decode(unpack.decompress(raw[16 : 16 + packed]))["messages"]
+            self.bytes += len(raw)
+            self.last = time.perf_counter()
+            for message in messages:
+                kind, name = message["type"], message.get("name", "")
+                self.poses += kind == "SetPositionMessage" and name == "/rover/body"
+                if kind in ("GlbMessage", "MeshMessage"):
+                    self.nodes.add(name)
+                if kind == "GuiUpdateMessage" and 'data-key="roll"' in str(message.get("updates", "")):
+                    self.numbers = str(message["updates"])
+
+    async def drag(self, session: Any, seconds: float, radius: float) -> None:
+        """Drag the rover in a circle, at the browser's rate."""
+        begin = time.perf_counter()
+        z = float(session.state.pose.z) - float(session.terrain_view.offset[2])
+        phase = "start"
+        while (spent := time.perf_counter() - begin) < seconds:
+            point = (radius * np.cos(spent) - radius, radius * np.sin(spent), z)
+            await self.send(
+                type="SceneNodeDragMessage", phase=phase, name="/rover/body/body", instance_index=None,
+                start_position=(0.0, 0.0, z), start_screen_pos=(0.5, 0.5), end_position=tuple(map(float, point)),
+                end_screen_pos=(0.5, 0.5), button="left", modifier=None, owner=str(session.client.client_id),
+            )  # fmt: skip
+            phase = "update"
+            await asyncio.sleep(1 / RATE)
+
+
+async def until(condition: Any, patience: float = 120.0) -> None:
+    """Wait until a condition is true."""
+    end = time.monotonic() + patience
+    while not condition():
+        if time.monotonic() > end:
+            raise TimeoutError
+        await asyncio.sleep(0.02)
+
+
+async def measure_drag() -> dict[str, Any]:
+    """Measure one visitor's drag of Curiosity over a surface like Mars."""
+    lab = start_lab(rb.load_rover("curiosity"), rb.surfaces.mars(seed=1))
+    async with Visitor(lab.url) as visitor:
+        await until(lambda: lab.sessions and visitor.numbers)
+        session = next(iter(lab.sessions.values()))
+        await visitor.drag(session, 2.0, 1.5)
+        times: list[float] = []
+        work: list[float] = []
+        draw = session.draw
+
+        def timed() -> None:
+            began, worked = time.perf_counter(), time.thread_time()
+            session.state.settle()  # the settle of this frame again, so that its time counts
+            draw()
+            times.append(time.perf_counter() - began)
+            work.append(time.thread_time() - worked)
+
+        session.draw = timed
+        before, began = visitor.poses, time.perf_counter()
+        await visitor.drag(session, 10.0, 1.5)
+        rate = (visitor.poses - before) / (time.perf_counter() - began)
+    lab.stop()
+    ms = 1e3 * np.array(times)
+    return {
+        "settled poses per second": rate, "server ms per pose, median": float(np.median(ms)),
+        "of these on the processor, mean": float(1e3 * np.mean(work)),
+        "server ms per pose, 95 %": float(np.percentile(ms, 95)),
+        "frames": len(ms),
+    }  # fmt: skip
+
+
+async def measure_open() -> dict[str, Any]:
+    """Measure the time from a visitor's arrival to the last mesh of a terrain of 2,000 by 2,000 nodes."""
+    terrain = rb.surfaces.fractal(size=199.9, spacing=0.1, seed=2)
+    lab = start_lab(rb.load_rover("curiosity"), terrain)
+    began = time.perf_counter()
+    async with Visitor(lab.url) as visitor:
+        await until(lambda: lab.sessions and visitor.numbers)
+        session = next(iter(lab.sessions.values()))
+        await until(
+            lambda: len([n for n in visitor.nodes if n.startswith("/terrain/coarse")]) == len(session.terrain_view._tiles)
+        )
+        await asyncio.sleep(1.0)
+        spent = visitor.last - began
+        note, count, size = session.terrain_view.note, len(session.terrain_view._tiles), visitor.bytes
+    lab.stop()
+    return {"nodes": terrain.z.shape, "seconds": spent, "MB sent": size / 1e6, "tiles": count, "note": note}
+
+
+def memory() -> float:
+    """Return the resident memory of this process, MB."""
+    gc.collect()
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * 4096 / 1e6
+
+
+async def measure_visitors(seconds: float) -> dict[str, Any]:
+    """Let ten visitors drag, leave and return; record memory, sessions and cross-talk."""
+    lab = start_lab(rb.load_rover("osr"), rb.surfaces.rocks(k=0.1, seed=3, size=6.0))
+    end, waves, mixed, poses = time.monotonic() + seconds, [], 0, 0
+    while time.monotonic() < end:
+        visitors = [await Visitor(lab.url).__aenter__() for _ in range(VISITORS)]
+        await until(lambda: len(lab.sessions) == VISITORS)
+        await until(lambda visitors=visitors: all(v.numbers for v in visitors))
+        sessions = [lab.sessions[k] for k in sorted(lab.sessions)]
+        for k, session in enumerate(sessions):
+            session.later(lambda session=session, k=k: session.state.move(0.1 * k, -0.1 * k, 0.2 * k))
+        await asyncio.sleep(1.0)
+        mixed += sum(abs(s.state.x - 0.1 * k) > 1e-12 for k, s in enumerate(sessions))
+        await asyncio.gather(*(v.drag(s, 8.0, 0.02 * (k + 1)) for k, (v, s) in enumerate(zip(visitors, sessions, strict=True))))
+        await asyncio.sleep(1.5)
+        for session in sessions:
+            state = session.state
+            alone = rb.settle(state.rover, state.terrain, state.x, state.y, state.yaw)
+            mixed += not np.array_equal(alone.q, state.pose.q)
+        poses += sum(v.poses for v in visitors)
+        for visitor in visitors:
+            await visitor.__aexit__()
+        await until(lambda: not lab.sessions)
+        for session in sessions:
+            session.join(10.0)
+        alive = sum(s._thread.is_alive() for s in sessions)
+        del sessions, session, visitors, visitor
+        waves.append(round(memory(), 1))
+        print(f"wave {len(waves)}: {waves[-1]} MB, threads alive {alive}", file=sys.stderr, flush=True)
+    lab.stop()
+    third = waves[len(waves) // 3]
+    return {"waves MB": waves, "growth from a third on, %": 100 * (waves[-1] / third - 1), "mixed": mixed, "poses": poses}
+
+
+def main() -> None:
+    """Run one measurement and print it as JSON."""
+    what = sys.argv[1] if len(sys.argv) > 1 else "drag"
+    seconds = float(sys.argv[2]) if len(sys.argv) > 2 else 600.0
+    work = {"drag": measure_drag, "open": measure_open, "visitors": lambda: measure_visitors(seconds)}[what]()  # type: ignore[operator]
+    print(json.dumps(asyncio.run(work), indent=1, default=str))
+
+
+if __name__ == "__main__":
+    main()
