@@ -1,4 +1,4 @@
-"""Measure the server of `rockerbogie lab` with visitors that speak viser's protocol, without browsers.
+"""Measure the server of `rockerbogie lab` with visitors without browsers.
 
 python tools/lab_load.py drag            settled poses per second received during a drag, and the server's time per pose
 python tools/lab_load.py open            time until a 2,000 x 2,000 terrain has arrived at a visitor
@@ -130,7 +130,7 @@ async def measure_drag() -> dict[str, Any]:
 
 
 async def measure_open() -> dict[str, Any]:
-    """Measure the time from a visitor's arrival to the last mesh of a terrain of 2,000 by 2,000 nodes."""
+    """Measure the time until a terrain of 2,000 by 2,000 nodes has arrived."""
     terrain = rb.surfaces.fractal(size=199.9, spacing=0.1, seed=2)
     lab = start_lab(rb.load_rover("curiosity"), terrain)
     began = time.perf_counter()

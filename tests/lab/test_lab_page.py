@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -195,6 +196,11 @@ def test_a_run_plays_and_scrubs(page: Any, session: Any) -> None:
     session.later(lambda: session.terrain_panel.use(TERRAIN))
     session.later(lambda: session.rover_panel.use(ROVER))
     wait_for(lambda: session.state.rover is ROVER and at_rest(session), "the first rover")
+    time.sleep(0.5)
+    stamp = session.client.camera.update_timestamp
+    session.later(session.look)
+    wait_for(lambda: session.client.camera.update_timestamp > stamp, "the page has moved its camera")
+    page.wait_for_timeout(1500)
     panel = session.drive_panel
     panel.click.value = "adds to the path"
     for x, y in ((0.0, 0.0), (0.4, 0.1)):

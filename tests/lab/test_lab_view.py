@@ -1,4 +1,4 @@
-"""Frames of the rover in the scene: each link where `link_transforms` puts it, and unmoved links not sent again."""
+"""Frames of the rover in the scene: places of its links, and which are sent."""
 
 from __future__ import annotations
 

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from ..errors import RockerbogieError, require
+from ..motion.drive import drive
+from ..motion.path import Path
 from ..rover.model import Rover
 from ..settling.pose import GRAVITY
 from ..settling.settle import settle
@@ -80,6 +82,8 @@ def warm_up(lab: Lab) -> None:
         pose = settle(lab.rover, lab.terrain, *lab.start, mode=mode)
         measure(pose)
         _ = pose.clearance, pose.contacts
+    with contextlib.suppress(RockerbogieError):  # a start without terrain around it cannot be driven
+        drive(lab.rover, lab.terrain, Path.straight(lab.start[:2], lab.start[2], 0.05), step=0.05)
 
 
 def free_port(host: str, port: int | None) -> int:
