@@ -157,4 +157,4 @@ def _laws(
     distinct, inverse = np.unique(rows, axis=0, return_inverse=True)
     packed = [law.packed(Wheel(float(r), float(b), grousers, _whole(n)), gravity) for r, b, n in distinct]
     which = np.broadcast_to(inverse.reshape(wheels[0].shape), shape)
-    return np.array(packed).reshape(len(packed), lay.LAW_SIZE), np.ascontiguousarray(which, dtype=np.int64).ravel()
+    return np.array(packed).reshape(len(packed), lay.LAW_SIZE), np.array(which, dtype=np.int64).ravel()  # writable
