@@ -35,7 +35,7 @@ def chromium() -> Iterator[Any]:
             browser.close()
 
 
-def open_page(browser: Any, url: str, size: tuple[int, int] = (700, 480)) -> Any:
+def open_page(browser: Any, url: str, size: tuple[int, int] = (760, 400)) -> Any:
     """Open the page and wait for its numbers."""
     page = browser.new_page(viewport={"width": size[0], "height": size[1]})
     page.set_default_timeout(1000 * PATIENCE)
@@ -44,7 +44,7 @@ def open_page(browser: Any, url: str, size: tuple[int, int] = (700, 480)) -> Any
         "request", lambda request: None if request.url.startswith((url, "data:", "blob:")) else page.outside.append(request.url)
     )
     page.goto(url)
-    page.wait_for_selector('[data-key="roll"]')
+    page.wait_for_selector('[data-key="roll"]', state="attached")
     return page
 
 
@@ -76,6 +76,11 @@ def pixel_of(session: Any, point: Any) -> tuple[float, float]:
     away = turn.inv().apply(np.asarray(point) - session.terrain_view.offset - np.asarray(camera.position))
     unit = camera.image_height / 2 / np.tan(camera.fov / 2)
     return camera.image_width / 2 + unit * away[0] / away[2], camera.image_height / 2 + unit * away[1] / away[2]
+
+
+def press(page: Any, name: str) -> None:
+    """Press a button without the pointer, which waits for the browser to draw."""
+    page.get_by_role("button", name=name).dispatch_event("click")
 
 
 def drag(page: Any, start: tuple[float, float], end: tuple[float, float], steps: int = 6) -> None:
