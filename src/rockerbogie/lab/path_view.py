@@ -81,7 +81,9 @@ class PathView:
 
 
 def ribbon(terrain: Terrain, x: Array, y: Array, course: Array, half: float, lift: float) -> tuple[Array, Array]:
-    """Return a flat ribbon along a path; a browser without a graphics card draws it faster than thick lines.
+    """Return a flat ribbon along a path.
+
+    A browser without a graphics card draws it faster than thick lines.
 
     Args:
         terrain: the terrain.
