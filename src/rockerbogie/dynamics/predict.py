@@ -166,13 +166,18 @@ def _roll_out(
 ) -> tuple[Array, NDArray[np.int64], Array]:  # fmt: skip
     """Return records (n, records, R_SIZE), ends (n, 2) and the places of the ends (n, 3)."""
     size = len(first)
+    # numba compiles read-only arrays apart
+    first, mu, tables, limits, rows, fastest = (
+        np.require(array, requirements=["C", "W"]) for array in (first, mu, tables, limits, packed.rows, packed.fastest)
+    )
+    which, table_of, counts = (np.require(array, requirements=["C", "W"]) for array in (which, table_of, packed.counts))
     out, ends, places = np.empty((size, records, kernel.R_SIZE)), np.zeros((size, 2), dtype=np.int64), np.zeros((size, 3))
     batch = size if progress is None else max(PIECE * 64, 1)
     for begin in range(0, size, batch):
         part = slice(begin, min(begin + batch, size))
         parallel_for(
-            kernel.predict_batch, part.stop - begin, terrain.packed, rover.packed, first[part], packed.rows, which[part],
-            packed.counts, packed.span, packed.fastest, mu[part], tables, table_of[part], gravity, limits, tolerance, every,
+            kernel.predict_batch, part.stop - begin, terrain.packed, rover.packed, first[part], rows, which[part],
+            counts, packed.span, fastest, mu[part], tables, table_of[part], gravity, limits, tolerance, every,
             out[part], ends[part], places[part],
             piece=PIECE,
         )  # fmt: skip
