@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import rockerbogie as rb
 from rockerbogie._kernels.jit.parallel import threads
@@ -218,3 +219,14 @@ def test_rollouts_take_lists_of_soils_and_commands(rover: rb.Rover) -> None:
     assert np.isfinite(run["x"][0]).all()
     assert np.isnan(run["x"][1, -1])
     assert run["ends_because"][1] == "all commands were driven"
+
+
+def test_commands_at_dates_are_refused() -> None:
+    """Check that nanoseconds of dates are not taken as seconds."""
+    rates = np.full((2, 6), 0.5)
+    commands = xr.Dataset(
+        {"wheel_rate": (("time", "wheel"), rates), "steering": (("time", "wheel"), 0.0 * rates)},
+        {"time": np.array(["2030-01-01T00:00:00", "2030-01-01T00:00:10"], dtype="datetime64[ns]")},
+    )
+    with pytest.raises(rb.RockerbogieError, match="give seconds"):
+        rb.predict(rb.load_rover("osr"), rb.surfaces.plane(), (0.0, 0.0, 0.0), commands, friction=0.7)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from .._kernels.dynamics import rollout as kernel
 from ..arrays import Array
 from ..errors import PathError, RockerbogieError
+from ..motion.command_table import read_commands
 from ..motion.drive import ackermann
 from ..motion.path import Path
-from ..rover.frames import check_steering
 from ..rover.model import Rover
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def _pack_rates(rover: Rover, tables: list[xr.Dataset], step: float, shape: tupl
 
     In a step the fastest wheel of all rolls by `step`, or a little less.
     """
-    read = [_read_rates(rover, table) for table in tables]
+    read = [read_commands(rover, table) for table in tables]
     ends = np.array([time[-1] for time, _, _ in read])
     fastest = np.array([np.abs(rate * rover.wheel_radius).max() for _, rate, _ in read])
     if not fastest.min() > 0.0:
@@ -119,38 +119,3 @@ def _pack_rates(rover: Rover, tables: list[xr.Dataset], step: float, shape: tupl
             row[:, kernel.C_STEERING + i] = np.interp(middle, time, angle[:, i])
     what = f"{ends[0]:g} s of commands" if len(tables) == 1 else f"{len(tables)} tables of commands of {ends[0]:g} s"
     return PackedCommands(rows, np.full(len(tables), count), span, fastest, shape, what)
-
-
-def _read_rates(rover: Rover, table: xr.Dataset) -> tuple[Array, Array, Array]:
-    """Return time (n,), wheel rates (n, 6) and steering (n, 6) of a Dataset, or raise."""
-    missing = {"wheel_rate", "steering", "time"} - set(map(str, table.variables))
-    if missing:
-        raise RockerbogieError(f"commands hold no {', '.join(sorted(missing))}; {GIVE}")
-    if table.attrs.get("rover", rover.name) != rover.name:
-        raise RockerbogieError(f"the commands are for rover {table.attrs['rover']!r}, not {rover.name!r}: its wheels are others")
-    time = np.asarray(table["time"], dtype=float)
-    time = time - time[:1]
-    if len(time) < 2 or not (np.diff(time) > 0).all():
-        raise RockerbogieError(f"commands hold {len(time)} times; give two or more, each later than the last, in seconds")
-    rate, angle = (_by_wheel(rover, table[name], unit) for name, unit in (("wheel_rate", "rad/s"), ("steering", "rad")))
-    check_steering(rover, angle)
-    return time, rate, angle
-
-
-def _by_wheel(rover: Rover, values: xr.DataArray, unit: str) -> Array:
-    """Return commands (n, 6) in the rover's order of wheels, or raise."""
-    if set(values.dims) != {"time", "wheel"}:
-        raise RockerbogieError(f"commands {values.name} have dims {values.dims}; give (time, wheel)")
-    if values.attrs.get("units", unit) != unit:
-        raise RockerbogieError(f"commands {values.name} are in {values.attrs['units']!r}; give {unit}")
-    if "wheel" in values.coords:
-        names = [str(name) for name in values["wheel"].to_numpy()]
-        if sorted(names) != sorted(rover.wheel_names):
-            raise RockerbogieError(
-                f"commands {values.name} are for wheels {', '.join(names)}; the rover's are {', '.join(rover.wheel_names)}"
-            )
-        values = values.sel(wheel=list(rover.wheel_names))
-    table = np.asarray(values.transpose("time", "wheel"), dtype=float)
-    if table.shape[1] != 6 or not np.isfinite(table).all():
-        raise RockerbogieError(f"commands {values.name} have shape {table.shape}; give six finite numbers a time")
-    return table

@@ -15,7 +15,7 @@ from ..motion.path import Path
 from ..motion.slip import slip_ratio
 from ..rotations import body_transform
 from ..rover.model import Rover
-from ..settling.dataset import AXES, DISTANCE, RUN_VARIABLES, SCENE
+from ..settling.dataset import AXES, DISTANCE, RUN_VARIABLES, SCENE, TWIST_VARIABLES
 from ..settling.pose import Pose
 from ..settling.status import Status
 from ..terrain.heightfield import Terrain
@@ -27,12 +27,7 @@ if TYPE_CHECKING:
 
 #: Variables of a predicted drive besides those of `drive`: dims, units, long name.
 EXTRA: dict[str, tuple[tuple[str, ...], str, str]] = {
-    "vx": ((), "m/s", "velocity of the body's reference point, forward"),
-    "vy": ((), "m/s", "velocity of the body's reference point, to the left"),
-    "vz": ((), "m/s", "velocity of the body's reference point, along the body's z"),
-    "wx": ((), "rad/s", "angular velocity of the body about its x"),
-    "wy": ((), "rad/s", "angular velocity of the body about its y"),
-    "wz": ((), "rad/s", "angular velocity of the body about its z"),
+    **TWIST_VARIABLES,
     "roll_slip": (("wheel",), "m/s", "slip of the tread along the wheel's heading, positive if it moves further than it rolls"),
     "slip_ratio": (("wheel",), "1", "rim speed minus hub speed along the wheel's heading, divided by the larger"),
     "slip_angle": (("wheel",), "rad", "angle from the wheel's heading to the direction of travel of its contact, to the left"),

@@ -71,6 +71,15 @@ RUN_VARIABLES = (
         "side_slip": (("wheel",), "m/s", "slip of the tread across the rolling direction, to the left"),
     }
 )
+#: Twist of the body, in its own axes, as simulated and predicted runs hold it.
+TWIST_VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
+    "vx": ((), "m/s", "velocity of the body's reference point, forward"),
+    "vy": ((), "m/s", "velocity of the body's reference point, to the left"),
+    "vz": ((), "m/s", "velocity of the body's reference point, along the body's z"),
+    "wx": ((), "rad/s", "angular velocity of the body about its x"),
+    "wy": ((), "rad/s", "angular velocity of the body about its y"),
+    "wz": ((), "rad/s", "angular velocity of the body about its z"),
+}
 #: Coordinates of the dims; those of `wheel` are the rover's wheel names.
 AXES = {"side": ["left", "right"], "axis": ["x", "y", "z"], "joint": ["rocker", "bogie_left", "bogie_right"]}
 DISTANCE = "horizontal distance along the path"

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import RockerbogieError
+from ..motion.command_table import read_commands
 from ..motion.drive import ackermann
 from ..motion.path import Path
 from ..rotations import wrap_angle
-from ..rover.frames import check_steering
 from ..rover.model import Rover
 from .motors import GRAVITY
 from .rigid_body import Rig
@@ -107,19 +106,7 @@ def command_driver(rover: Rover, commands: xr.Dataset) -> tuple[Driver, float, f
     Raises:
         RockerbogieError: commands of another rover, missing variables, wrong shapes, or times that do not increase.
     """
-    commanded = commands.attrs.get("rover", rover.name)
-    if commanded != rover.name:
-        raise RockerbogieError(f"the commands are for rover {commanded!r}, not {rover.name!r}: its wheels are others")
-    missing = {"wheel_rate", "steering", "time"} - set(map(str, commands.variables))
-    if missing:
-        raise RockerbogieError(f"commands hold no {', '.join(sorted(missing))}; give wheel_rate and steering over (time, wheel)")
-    if commands["time"].dtype.kind not in "fiu":
-        raise RockerbogieError(f"the time of the commands is of type {commands['time'].dtype}; give seconds")
-    time = commands["time"].to_numpy() - float(commands["time"][0])
-    rate, angle = (_by_wheel(rover, commands[name], unit) for name, unit in (("wheel_rate", "rad/s"), ("steering", "rad")))
-    if len(time) < 2 or not (np.diff(time) > 0).all():
-        raise RockerbogieError(f"commands hold {len(time)} times; give two or more, each later than the last, in seconds")
-    check_steering(rover, angle)
+    time, rate, angle = read_commands(rover, commands)
 
     def play(now: float, rig: Rig) -> tuple[Array, Array]:
         rates, angles = (np.array([np.interp(now, time, column) for column in table.T]) for table in (rate, angle))
@@ -127,34 +114,3 @@ def command_driver(rover: Rover, commands: xr.Dataset) -> tuple[Driver, float, f
 
     travel = float(np.trapezoid(np.abs(rate * rover.wheel_radius).max(axis=1), time))
     return play, float(time[-1]), travel
-
-
-def _by_wheel(rover: Rover, values: xr.DataArray, unit: str) -> Array:
-    """Return commands in the rover's order of wheels.
-
-    Args:
-        rover: gives the names of the wheels.
-        values: commands over time and wheel; wheels in the rover's order, or named by a coordinate.
-        unit: required unit, where the commands state one.
-
-    Returns:
-        (n, 6), in `unit`.
-
-    Raises:
-        RockerbogieError: other dimensions, wheels or units; values that are not finite.
-    """
-    if set(values.dims) != {"time", "wheel"}:
-        raise RockerbogieError(f"commands {values.name} have dims {values.dims}; give (time, wheel)")
-    if values.attrs.get("units", unit) != unit:
-        raise RockerbogieError(f"commands {values.name} are in {values.attrs['units']!r}; give {unit}")
-    if "wheel" in values.coords:
-        names = [str(name) for name in values["wheel"].to_numpy()]
-        if sorted(names) != sorted(rover.wheel_names):
-            raise RockerbogieError(
-                f"commands {values.name} are for wheels {', '.join(names)}; the rover's are {', '.join(rover.wheel_names)}"
-            )
-        values = values.sel(wheel=list(rover.wheel_names))
-    table = values.transpose("time", "wheel").to_numpy()
-    if table.shape[1] != 6 or not np.isfinite(table).all():
-        raise RockerbogieError(f"commands {values.name} have shape {table.shape}; give six finite numbers a time")
-    return np.asarray(table, dtype=float)

@@ -15,7 +15,7 @@ from ..motion.slip import slip_ratio
 from ..rotations import euler_angles
 from ..rover.frames import wheel_frames
 from ..rover.model import Rover
-from ..settling.dataset import VARIABLES, run_dataset
+from ..settling.dataset import TWIST_VARIABLES, VARIABLES, run_dataset
 from ..settling.pose import Pose
 from ..settling.status import Status
 from ..terrain.heightfield import Terrain
@@ -39,12 +39,7 @@ AT_LIMIT = 0.999
 
 #: Variables of a simulated run besides those of `drive`: dims, units, long name.
 EXTRA = {
-    "vx": ((), "m/s", "velocity of the body's reference point, forward"),
-    "vy": ((), "m/s", "velocity of the body's reference point, to the left"),
-    "vz": ((), "m/s", "velocity of the body's reference point, along the body's z"),
-    "wx": ((), "rad/s", "angular velocity of the body about its x"),
-    "wy": ((), "rad/s", "angular velocity of the body about its y"),
-    "wz": ((), "rad/s", "angular velocity of the body about its z"),
+    **TWIST_VARIABLES,
     "wheel_angle": (("wheel",), "rad", "angle of the wheel against its link, forward positive"),
     "wheel_torque": (("wheel",), "N m", "torque of the hub motor, forward positive"),
     "roll_slip": (("wheel",), "m/s", "slip of the tread along the wheel's heading, positive if it moves further than it rolls"),
