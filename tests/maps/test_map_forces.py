@@ -92,7 +92,14 @@ def test_a_route_avoids_terrain_that_is_too_slippery(rover: rb.Rover) -> None:
 
 
 @pytest.mark.parametrize(
-    "limits", [{"required_friction": -0.5}, {"required_friction": float("nan")}, {"max_torque": 0.0}, {"tip_margin": 4.0}]
+    "limits",
+    [
+        {"required_friction": -0.5},
+        {"required_friction": float("nan")},
+        {"max_torque": 0.0},
+        {"max_torque": True},
+        {"tip_margin": 4.0},
+    ],
 )
 def test_limits_out_of_range_are_refused(limits: dict[str, float]) -> None:
     with pytest.raises(rb.RockerbogieError, match=next(iter(limits))):

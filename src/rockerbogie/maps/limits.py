@@ -51,7 +51,8 @@ class Limits:
             value = getattr(self, field.name)
             if value is None:
                 continue
-            number = isinstance(value, (int, float, np.integer, np.floating)) and math.isfinite(value)
+            number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+            number = number and math.isfinite(value)
             most = math.inf if field.name in UNITS else math.pi
             if not number or (field.name != "clearance" and not 0 < value <= most):
                 raise RockerbogieError(
