@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import ctypes
 import os
 import shutil
@@ -102,6 +103,37 @@ def test_changed_callee_gives_new_numbers(install: Install, chosen: bool) -> Non
     assert install.use() == (2.25, 0)
     assert any((install.folder / "chosen").rglob("*.nbc")) == chosen
     assert any(install.package.rglob("*.nbc")) != chosen
+
+
+def test_change_of_another_source_compiles_nothing(install: Install) -> None:
+    assert install.use() == (2.25, 2)
+    other = install.package / "_kernels" / "model" / "mass.py"
+    other.write_text(other.read_text() + "\nCHANGED = True\n")
+    assert install.use() == (2.25, 0)
+
+
+@pytest.mark.parametrize("file", sorted(cache.IMPORTED), ids=lambda file: file.relative_to(cache.SOURCES).as_posix())
+def test_imports_are_those_of_the_syntax_tree(file: Path) -> None:
+    found = set()
+    for node in ast.walk(ast.parse(file.read_bytes())):
+        if isinstance(node, ast.Import):
+            assert not any(name.name.startswith("rockerbogie") for name in node.names), "import kernels by relative imports"
+        elif isinstance(node, ast.ImportFrom) and node.level:
+            base = file.parents[node.level - 1].joinpath(*(node.module or "").split("."))
+            found |= {base.with_suffix(".py"), *(base / f"{name.name}.py" for name in node.names)}
+        elif isinstance(node, ast.ImportFrom):
+            assert not (node.module or "").startswith("rockerbogie"), "import kernels by relative imports"
+    known = {source for source in cache.imports_of(file) if source.name != "__init__.py"}
+    assert known == found & cache.IMPORTED.keys()
+
+
+def test_only_the_newest_states_of_a_kernel_are_kept(install: Install) -> None:
+    for factor in range(2, 4 + cache.KEPT_FILES):
+        install.set_factor(factor)
+        assert install.use() == (factor + 0.25, 2)
+    names = [file.name for file in install.package.rglob("*.nbc")]
+    assert len(names) == 2 * cache.KEPT_FILES
+    assert install.use() == (factor + 0.25, 0)
 
 
 def test_modification_times_do_not_matter(install: Install) -> None:

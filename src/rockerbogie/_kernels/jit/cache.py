@@ -1,9 +1,10 @@
 """Disk cache of compiled kernels, keyed by all that their machine code depends on.
 
 Numba's own cache checks only the source file that holds a function, so that a caller keeps the old code of a changed
-callee. Here the key is a hash of the contents of all kernel sources, the versions of numba and llvmlite, the processor
-and the compiler's settings. Each key has its own folder, and each kernel and signature one file, written atomically: there
-is no index that two processes could make inconsistent.
+callee. Here the key of a kernel is a hash of its source file and of all kernel sources that this file imports, directly or
+not, with the versions of numba and llvmlite, the processor and the compiler's settings. Versions, processor and settings
+have their own folder, and each kernel and signature one file, written atomically: there is no index that two processes
+could make inconsistent.
 
 A compiled kernel is always run in the form that the cache holds, also by the process that compiles it: its object file in
 an execution engine of its own. In one common engine, the linker takes a callee's code from whichever object came first,
@@ -17,9 +18,11 @@ import functools
 import hashlib
 import os
 import pickle
+import re
 import shutil
 import uuid
 import warnings
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -34,26 +37,64 @@ from . import notice
 
 #: Folder that holds all kernel sources.
 SOURCES = Path(__file__).resolve().parents[1]
-#: First part of the names of the cache folders, one for each key.
+#: First part of the names of the cache folders, one for each compiler, processor and set of settings.
 PREFIX = "rockerbogie-"
 #: Cache folders kept in one place, the newest: a new one replaces the oldest.
 KEPT_FOLDERS = 5
+#: Files kept of one kernel and signature, the newest: one for each state of its sources.
+KEPT_FILES = 3
+#: Relative import: dots, module, names.
+IMPORT = re.compile(rb"^ *from (\.+)([\w.]*) import (\([^)]*\)|[^\n(]*)", re.MULTILINE)
 #: Settings of numba that change machine code and are not part of the processor's description.
 SETTINGS = ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "BOUNDSCHECK", "USING_SVML", "DEBUGINFO_DEFAULT", "LLVM_REFPRUNE_PASS")
 
 
-def hash_of_sources() -> str:
-    """Return the SHA-256 hash of paths and contents of all kernel sources, hexadecimal."""
-    digest = hashlib.sha256()
-    for file in sorted(SOURCES.rglob("[!.]*.py")):
-        content = file.read_bytes()
-        digest.update(f"{file.relative_to(SOURCES).as_posix()} {len(content)}\n".encode())
-        digest.update(content)
-    return digest.hexdigest()
+def read_sources() -> dict[Path, bytes]:
+    """Return the contents of all kernel sources by path."""
+    return {file: file.read_bytes() for file in sorted(SOURCES.rglob("[!.]*.py"))}
 
 
 #: The sources as they are imported: this module is imported before every kernel.
-IMPORTED_SOURCES = hash_of_sources()
+IMPORTED = read_sources()
+
+
+@functools.cache
+def imports_of(file: Path) -> frozenset[Path]:
+    """Return the kernel sources that a kernel source imports.
+
+    Args:
+        file: a key of `IMPORTED`.
+    """
+    found = set()
+    for dots, module, names in IMPORT.findall(IMPORTED[file]):
+        base = file.parents[len(dots) - 1].joinpath(*module.decode().split("."))
+        for target in (base, *(base / name for name in re.findall(r"\w+", names.decode()))):
+            found |= {target.with_suffix(".py"), target / "__init__.py"} & IMPORTED.keys()
+    return frozenset(found)
+
+
+@functools.cache
+def hash_of_sources(file: Path) -> str:
+    """Return the SHA-256 hash of all sources that the code of a kernel depends on, hexadecimal.
+
+    These are its own file and all that it imports, directly or not. The file of a kernel outside `_kernels` may import
+    in any form: it depends on all kernel sources.
+
+    Args:
+        file: source that holds the kernel.
+    """
+    used, ahead = set(), [file] if file in IMPORTED else list(IMPORTED)
+    while ahead:
+        source = ahead.pop()
+        if source not in used:
+            used.add(source)
+            ahead.extend(imports_of(source))
+    digest = hashlib.sha256(b"" if file in IMPORTED else file.read_bytes())
+    for source in sorted(used):
+        content = IMPORTED[source]
+        digest.update(f"{source.relative_to(SOURCES).as_posix()} {len(content)}\n".encode())
+        digest.update(content)
+    return digest.hexdigest()
 
 
 @functools.cache
@@ -66,7 +107,7 @@ def cache_folders() -> tuple[Path, ...]:
     """
     processor = numba.core.registry.cpu_target.target_context.codegen().magic_tuple()
     settings = [str(getattr(numba.config, name, None)) for name in SETTINGS]
-    key = repr((IMPORTED_SOURCES, numba.__version__, llvmlite.__version__, processor, settings))
+    key = repr((numba.__version__, llvmlite.__version__, processor, settings))
     name = PREFIX + hashlib.sha256(key.encode()).hexdigest()[:16]
     places = [Path(numba.config.CACHE_DIR)] if numba.config.CACHE_DIR else []
     places += [SOURCES / "__pycache__", Path(AppDirs("rockerbogie", appauthor=False).user_cache_dir)]
@@ -93,22 +134,21 @@ def is_writable(folder: Path) -> bool:
     return folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)
 
 
-def _remove_oldest(folder: Path) -> None:
-    """Remove the oldest cache folders beside a new, empty one.
-
-    Processes that still use them compile again.
+def _remove_oldest(paths: Iterable[Path], kept: int) -> None:
+    """Remove the oldest of some files or folders. Processes that still use them compile again.
 
     Args:
-        folder: the new folder.
+        paths: files and folders.
+        kept: number of those that stay, the newest.
     """
     found = []
-    for other in folder.parent.glob(PREFIX + "*"):
+    for path in paths:
         try:
-            found.append((other.stat().st_mtime, other))
+            found.append((path.stat().st_mtime, path))
         except OSError:  # removed by another process
             continue
-    for _, other in sorted(found)[:-KEPT_FOLDERS]:
-        shutil.rmtree(other, ignore_errors=True)
+    for _, path in sorted(found)[:-kept]:
+        shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink(missing_ok=True)
 
 
 class KernelCache:
@@ -128,8 +168,7 @@ class KernelCache:
         function = dispatcher.py_func
         self._code, self._cells = function.__code__, function.__closure__ or ()
         self._name = f"{function.__module__.removeprefix('rockerbogie.')}.{function.__qualname__}".replace("<locals>", "")
-        source = Path(self._code.co_filename)
-        self._source = "" if SOURCES in source.resolve().parents else hashlib.sha256(source.read_bytes()).hexdigest()
+        self._sources = hash_of_sources(Path(self._code.co_filename).resolve())
         self._fresh: Any = None  # reduced form of the result compiled last, to be written
         self._enabled = True
 
@@ -156,10 +195,18 @@ class KernelCache:
             sig: types of the arguments.
 
         Returns:
-            Name, signature, hash of its file outside `_kernels`, and hash of its code and closure.
+            Name, signature, hash of its sources, and hash of its code and closure.
         """
         code = self._code.co_firstlineno, self._code.co_code, dumps(tuple(cell.cell_contents for cell in self._cells))
-        return self._name, sig, self._source, hashlib.sha256(repr(code).encode()).hexdigest()
+        return self._name, sig, self._sources, hashlib.sha256(repr(code).encode()).hexdigest()
+
+    def _stem(self, sig: Any) -> str:
+        """Return the first part of the names of the files that hold a kernel, the same for all states of its sources.
+
+        Args:
+            sig: types of the arguments.
+        """
+        return f"{self._name}-{hashlib.sha256(repr(sig).encode()).hexdigest()[:8]}"
 
     def _file_name(self, key: Any) -> str:
         """Return the name of the file that holds the kernel of a key.
@@ -167,7 +214,7 @@ class KernelCache:
         Args:
             key: result of `_key`.
         """
-        return f"{self._name}-{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}.nbc"
+        return f"{self._stem(key[1])}-{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}.nbc"
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Load a compiled kernel.
@@ -224,7 +271,7 @@ class KernelCache:
             sig: types of the arguments.
             data: the compile result, unused: `take` has reduced it.
         """
-        if not self._enabled or self._fresh is None or hash_of_sources() != IMPORTED_SOURCES:
+        if not self._enabled or self._fresh is None or read_sources() != IMPORTED:
             return
         key, folder = self._key(sig), cache_folders()[-1]
         content = dumps((key, self._fresh))
@@ -232,9 +279,10 @@ class KernelCache:
         try:
             if not folder.exists():
                 folder.mkdir(parents=True, exist_ok=True)
-                _remove_oldest(folder)
+                _remove_oldest(folder.parent.glob(PREFIX + "*"), KEPT_FOLDERS)
             part.write_bytes(content)
             part.replace(folder / self._file_name(key))
+            _remove_oldest(folder.glob(f"{self._stem(sig)}-*.nbc"), KEPT_FILES)
         except OSError as error:
             part.unlink(missing_ok=True)
             self._warn(folder, error)
