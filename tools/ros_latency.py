@@ -50,7 +50,7 @@ def main() -> None:
         own = []
         for _ in range(given.count):
             begin = time.process_time()
-            bench.node._on_twist(twist)
+            bench.node.commands.take(twist)
             own.append(1e3 * (time.process_time() - begin))
     for name, values in (*results.items(), ("processor time of a callback", np.array(own))):
         p50, p90, p99 = np.percentile(values, (50, 90, 99))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -76,6 +76,7 @@ class CostMap:
         mode: Mode = "contact",
         gravity: float = GRAVITY["earth"],
         interpolation: Interpolation = "linear",
+        tell: Callable[[int], None] = lambda cells: None,
     ) -> None:
         """Prepare an empty map.
 
@@ -88,6 +89,8 @@ class CostMap:
             mode: as `settle`.
             gravity: m/s².
             interpolation: of the heights.
+            tell: called with the number of cells settled since its last call. An exception that it raises ends the work; the
+                cells that are left are settled with the next heights.
 
         Raises:
             RockerbogieError: a wrong argument, as `traversability` raises it.
@@ -100,6 +103,7 @@ class CostMap:
         self.headings, self.limits, self.gravity = heading_angles(headings), limits_given(limits), checked_gravity(gravity)
         names = [layers] if isinstance(layers, str) else list(layers)
         self.layers = chosen_layers(["passable", *names], self.limits.forces)
+        self._tell = tell
         self.terrain: Terrain | None = None
         self._grid: _Grid | None = None
         self._job: Job | None = None
@@ -226,7 +230,7 @@ class CostMap:
             self._stale |= _reached(_changed_nodes(old, new), new, cells, margin)
         self._grid, self.terrain, self._job = grid, new, job
         tiles = list(_rectangles(self._stale))
-        in_threads(job, TerrainWindows(ground, cells, margin), [tiles], self._memory, lambda cells: None)
+        in_threads(job, TerrainWindows(ground, cells, margin), [tiles], self._memory, self._tell)
         self._stale[:] = False
         rows, cols = (
             (min((tile[axis][0] for tile in tiles), default=0), max((tile[axis][1] for tile in tiles), default=0))

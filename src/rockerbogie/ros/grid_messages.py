@@ -204,10 +204,10 @@ def read_cloud(message: Any, spacing: float) -> Heights:
         The heights; NaN in cells without a point.
 
     Raises:
-        RockerbogieError: no fields x, y, z, no finite point, or an extent of more than `MOST_NODES` cells.
+        RockerbogieError: no fields x, y, z, data of another size than stated, no finite point, or an extent of more than
+            `MOST_NODES` cells.
     """
-    if not (np.isfinite(spacing) and spacing > 0):
-        raise RockerbogieError(f"spacing is {spacing!r}: give the side of a cell, m, above 0")
+    check_spacing(spacing)
     fields = {field.name: field for field in message.fields}
     if missing := [name for name in "xyz" if name not in fields]:
         raise RockerbogieError(f"the point cloud has no field {', '.join(missing)}")
@@ -220,7 +220,14 @@ def read_cloud(message: Any, spacing: float) -> Heights:
             "itemsize": int(message.point_step),
         }
     )
-    lines = np.frombuffer(bytes(message.data), dtype=np.uint8).reshape(int(message.height), int(message.row_step))
+    data = np.frombuffer(bytes(message.data), dtype=np.uint8)
+    stated = int(message.height), int(message.row_step)
+    if data.size != stated[0] * stated[1] or stated[1] < int(message.width) * kind.itemsize:
+        raise RockerbogieError(
+            f"the point cloud holds {data.size} bytes for {stated[0]} lines of {stated[1]} bytes "
+            f"with {message.width} points of {kind.itemsize} bytes each"
+        )
+    lines = data.reshape(stated)
     points = lines[:, : int(message.width) * kind.itemsize].copy().view(kind).ravel()
     x, y, z = (points[name].astype(float) for name in "xyz")
     finite = np.isfinite(x) & np.isfinite(y) & np.isfinite(z)
@@ -236,6 +243,19 @@ def read_cloud(message: Any, spacing: float) -> Heights:
     np.maximum.at(heights, (rows - first[0], cols - first[1]), z[finite])
     heights[np.isinf(heights)] = np.nan
     return Heights(heights, (first[1] * spacing, first[0] * spacing), float(spacing))
+
+
+def check_spacing(spacing: float) -> None:
+    """Raise if the side of a cell is not a length.
+
+    Args:
+        spacing: m.
+
+    Raises:
+        RockerbogieError: not finite, or not above 0.
+    """
+    if not (np.isfinite(spacing) and spacing > 0):
+        raise RockerbogieError(f"spacing is {spacing!r}: give the side of a cell, m, above 0")
 
 
 def _check_level(turn: Any, what: str) -> None:

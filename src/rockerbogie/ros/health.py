@@ -8,9 +8,10 @@ from typing import Any, Protocol
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from ..arrays import Array
 from ..logs.odometry_filter import Estimate
-from ..motion.wheel_controller import WheelCommand, WheelController
+from ..rover.model import Rover
+from .command_part import CommandPart
+from .costmap_part import CostMapPart
 from .intake import Intake
 from .messages import ERROR, OK, STALE, WARN, status
 
@@ -21,14 +22,14 @@ STANDING = 5e-3
 class Diagnosed(Protocol):
     """Node that is diagnosed."""
 
+    rover: Rover | None
     intake: Intake
-    controller: WheelController
+    commands: CommandPart | None
+    cost_map: CostMapPart | None
     estimate: Estimate | None
-    command: WheelCommand | None
     received: Counter[str]  # messages by kind
     failures: int  # rows that the filter refused
     joints_at: float  # time of the last joint state, s
-    wanted: Array  # (3,) vx, vy, ωz of the last twist
 
     def now(self) -> float:
         """Return the node's time.
@@ -55,12 +56,15 @@ def diagnoses(node: Diagnosed) -> list[DiagnosticStatus]:
         node: a configured node.
 
     Returns:
-        Diagnoses of sensors, pose, slip and commands.
+        Diagnoses of sensors, pose, slip and commands, and of the cost map if there is one; none before the configuration.
     """
-    return [_sensors(node), _pose(node), _slip(node), _commands(node)]
+    if node.rover is None or node.commands is None:
+        return []
+    found = [_sensors(node, node.rover), _pose(node, node.rover), _slip(node, node.rover), _commands(node.commands)]
+    return found if node.cost_map is None else [*found, _cost_map(node.cost_map)]
 
 
-def _sensors(node: Diagnosed) -> DiagnosticStatus:
+def _sensors(node: Diagnosed, rover: Rover) -> DiagnosticStatus:
     """Return the diagnosis of joint states and IMU."""
     intake, age = node.intake, node.now() - node.joints_at
     level, text = OK, "joint states and IMU arrive"
@@ -79,12 +83,12 @@ def _sensors(node: Diagnosed) -> DiagnosticStatus:
     values |= {f"last {name}": text for name, text in sorted(intake.last.items())}
     if node.failures:
         values["rows not used"] = str(node.failures)
-    return status("rockerbogie: sensors", level, text, values, node.controller.rover.name)
+    return status("rockerbogie: sensors", level, text, values, rover.name)
 
 
-def _pose(node: Diagnosed) -> DiagnosticStatus:
+def _pose(node: Diagnosed, rover: Rover) -> DiagnosticStatus:
     """Return the diagnosis of attitude, joint limits and tip margin."""
-    e, rover = node.estimate, node.controller.rover
+    e = node.estimate
     if e is None:
         return status("rockerbogie: pose", STALE, "no estimate yet", {}, rover.name)
     roll, pitch, yaw = np.degrees(e.attitude)
@@ -120,9 +124,9 @@ def _pose(node: Diagnosed) -> DiagnosticStatus:
     return status("rockerbogie: pose", level, text, values, rover.name)
 
 
-def _slip(node: Diagnosed) -> DiagnosticStatus:
+def _slip(node: Diagnosed, rover: Rover) -> DiagnosticStatus:
     """Return the diagnosis of the wheels' slip against each other."""
-    e, rover = node.estimate, node.controller.rover
+    e = node.estimate
     if e is None or not np.isfinite(e.twist).all():
         return status("rockerbogie: slip", STALE, "no motion yet", {}, rover.name)
     speed = float(np.linalg.norm(e.twist[:3]))
@@ -138,12 +142,12 @@ def _slip(node: Diagnosed) -> DiagnosticStatus:
     return status("rockerbogie: slip", level, text, values, rover.name)
 
 
-def _commands(node: Diagnosed) -> DiagnosticStatus:
+def _commands(part: CommandPart) -> DiagnosticStatus:
     """Return the diagnosis of the last command."""
-    c, rover = node.command, node.controller.rover
+    c, rover = part.command, part.controller.rover
     if c is None:
         return status("rockerbogie: commands", OK, "no cmd_vel yet", {}, rover.name)
-    level, text = OK, f"{100 * c.speed_scale:.0f} % of the wanted speed" if node.wanted.any() else "standing"
+    level, text = OK, f"{100 * c.speed_scale:.0f} % of the wanted speed" if part.wanted.any() else "standing"
     short = np.abs(c.steering_short).max()
     if c.waiting:
         text = "waiting until the wheels have turned"
@@ -155,3 +159,14 @@ def _commands(node: Diagnosed) -> DiagnosticStatus:
         "steering error [deg]": f"{np.degrees(np.abs(c.steering_error).max()):.2f}",
     }
     return status("rockerbogie: commands", level, text, values, rover.name)
+
+
+def _cost_map(part: CostMapPart) -> DiagnosticStatus:
+    """Return the diagnosis of the cost map."""
+    level, text = OK, f"{part.published} cost maps published"
+    if part.error:
+        level, text = WARN, f"no cost map: {part.error}"
+    elif not part.published:
+        level, text = OK, "no heights yet"
+    values = {"published": str(part.published), "cells settled": str(part.cells), "time [s]": f"{part.seconds:.2f}"}
+    return status("rockerbogie: cost map", level, text, values, part.costs.rover.name)

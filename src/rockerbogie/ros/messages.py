@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,34 @@ def seconds(stamp: Any) -> float:
         s.
     """
     return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
+
+
+def optional_message(package: str, name: str) -> Any:
+    """Return a message type that the extra `ros2` does not bring.
+
+    Args:
+        package: of ROS, such as tf2_msgs.
+        name: of the type.
+
+    Returns:
+        The type; `None` if the package is not installed.
+    """
+    try:
+        return getattr(import_module(f"{package}.msg"), name)
+    except ModuleNotFoundError:
+        return None
+
+
+def destroy(node: Any, made: Any) -> None:
+    """Destroy a publisher, subscription or timer of a node.
+
+    Args:
+        node: of rclpy.
+        made: by that node.
+    """
+    for kind in ("publisher", "subscription", "timer"):
+        if type(made).__name__.lower().endswith(kind):
+            getattr(node, f"destroy_{kind}")(made)
 
 
 def imu_reading(message: ImuMessage, stamp: float, world: Array | None, body: Array | None) -> Imu:

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -22,26 +21,22 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
 from sensor_msgs.msg import Imu as ImuMessage
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, String
+from std_msgs.msg import String
 
 from ..errors import RockerbogieError
 from ..logs.odometry_filter import Estimate, OdometryFilter
 from ..logs.sensor_checks import NED
-from ..motion.wheel_controller import WheelCommand, WheelController
 from ..outputs import SOURCE, check_outputs
 from ..rotations import body_transform
 from ..rover.formats import load_rover, to_urdf
 from ..rover.model import Rover
 from . import messages
+from .command_part import CommandPart
+from .costmap_part import CostMapPart
 from .health import diagnoses
 from .intake import AGREEING, Intake, Row
 from .joints import JointReader, MotorNames, parse_names, read_description
 from .parameters import PARAMETERS
-
-try:
-    from tf2_msgs.msg import TFMessage
-except ImportError:  # no wheel of it on PyPI
-    TFMessage = None
 
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL, reliability=ReliabilityPolicy.RELIABLE)
@@ -57,7 +52,8 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
     Attributes:
         rover: the rover, once configured.
         odometer: its odometry.
-        controller: its commands.
+        commands: its commands, once configured.
+        cost_map: its cost map, if parameter cost_map is set.
         intake: its sensors.
         received: number of messages by kind.
     """
@@ -77,7 +73,8 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
         self.add_on_set_parameters_callback(self._on_set)
         self.rover: Rover | None = None
         self.active = False
-        self.command: WheelCommand | None = None
+        self.commands: CommandPart | None = None
+        self.cost_map: CostMapPart | None = None
         self._description = ""
         self._logged: dict[str, tuple[int, float]] = {}
         self._made: list[Any] = []
@@ -135,6 +132,8 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
             SUCCESS.
         """
         self.active = True
+        if self.cost_map is not None:
+            self.cost_map.activate()
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> Any:
@@ -148,8 +147,10 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
         Returns:
             SUCCESS.
         """
-        self._stop()
+        self.stop()
         self.active = False
+        if self.cost_map is not None:
+            self.cost_map.active = False
         self._save()
         return super().on_deactivate(state)
 
@@ -175,7 +176,7 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
             SUCCESS.
         """
         if self.rover is not None:
-            self._stop()
+            self.stop()
             self._save()
         self.active = False
         self._release()
@@ -197,16 +198,6 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
         self.intake = Intake(self.rover, self.value("most_speed"), self.value("use_imu"), patience)
         self.reader, self.motors = JointReader(self.rover, names), MotorNames.of(self.rover, names)
         self.odometer = self._new_odometer(self.rover)
-        none = {0.0: np.inf}
-        wheel_limit, steering_limit = self.value("wheel_rate_limit"), self.value("steering_rate_limit")
-        self.controller = WheelController(
-            self.rover,
-            steering_limit=self.value("steering_limit"),
-            wheel_rate_limit=none.get(wheel_limit, wheel_limit),
-            steering_rate_limit=none.get(steering_limit, steering_limit),
-            aligned=self.value("steering_aligned"),
-            waiting=self.value("steering_waiting"),
-        )
         frame, mounting = self.value("imu_frame"), self.value("imu_mounting")
         if frame not in ("enu", "ned"):
             raise RockerbogieError(f"imu_frame is {frame!r}; give 'enu' or 'ned'")
@@ -216,10 +207,9 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
             self._imu_axes = (world, body_transform(0, 0, 0, *mounting)[:3, :3] @ axes)
         self.estimate: Estimate | None = None
         self.failures = 0
-        self.wanted, self._wanted_at, self._sent_at = np.zeros(3), -np.inf, -np.inf
         self.received, self._unstamped = Counter[str](), Counter[str]()
-        self.joints_at, self._measured_steering = -np.inf, np.full(6, np.nan)
-        self._connect()
+        self.joints_at, self.measured_steering = -np.inf, np.full(6, np.nan)
+        self._connect(self.rover)
 
     def _new_odometer(self, rover: Rover) -> OdometryFilter:
         """Return the filter: continued from the state file, if it exists."""
@@ -235,45 +225,56 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
         x, y, z = self.value("start_position")
         return OdometryFilter(rover, start=(x, y, z), window=self.value("smoothing_window"))
 
-    def _connect(self) -> None:
-        """Make publishers, subscriptions and timers."""
+    def _connect(self, rover: Rover) -> None:
+        """Make publishers, subscriptions, timers and parts."""
         reliability = ReliabilityPolicy.RELIABLE if self.value("reliable") else ReliabilityPolicy.BEST_EFFORT
         sensors = QoSProfile(depth=100, reliability=reliability)
         self.odom = self.create_lifecycle_publisher(Odometry, "odom", 10)
         self.state = self.create_lifecycle_publisher(DiagnosticArray, "rover/state", 10)
-        self.wheels = self.create_lifecycle_publisher(Float64MultiArray, "wheel_velocity_controller/commands", 10)
-        self.steering = self.create_lifecycle_publisher(Float64MultiArray, "steering_position_controller/commands", 10)
-        self.joint_commands = self.create_lifecycle_publisher(JointState, "joint_commands", 10)
         self.tf = None
         if self.value("publish_tf"):
-            if TFMessage is None:
-                self.get_logger().warning("tf2_msgs is not installed (PyPI has no wheel of it): /tf is not published")
+            self._transforms = messages.optional_message("tf2_msgs", "TFMessage")  # no wheel of it on PyPI
+            if self._transforms is None:
+                self.get_logger().warning("tf2_msgs is not installed: /tf is not published")
             else:
-                self.tf = self.create_lifecycle_publisher(TFMessage, "/tf", 100)
-        self._made = [self.odom, self.state, self.wheels, self.steering, self.joint_commands]
+                self.tf = self.create_lifecycle_publisher(self._transforms, "/tf", 100)
+        self._made = [self.odom, self.state]
         if self.tf is not None:
             self._made.append(self.tf)
         if self.value("publish_robot_description"):
             publisher = self.create_publisher(String, "robot_description", LATCHED)
-            assert self.rover is not None
-            publisher.publish(String(data=to_urdf(self.rover)))
+            publisher.publish(String(data=to_urdf(rover)))
             self._made.append(publisher)
-        kind = TwistStamped if self.value("cmd_vel_stamped") else Twist
         self._made += [
             self.create_subscription(JointState, "joint_states", self._on_joints, sensors),
-            self.create_subscription(kind, "cmd_vel", self._on_twist, 10),
             self.create_timer(1.0 / self.value("command_rate"), self._on_command_timer),
             self.create_timer(1.0 / self.value("state_rate"), self._on_state_timer),
         ]
         if self.value("use_imu"):
             self._made.append(self.create_subscription(ImuMessage, "imu/data", self._on_imu, sensors))
+        self.commands = CommandPart(self, rover, self.motors)
+        if self.value("cost_map"):
+            self.cost_map = CostMapPart(
+                self,
+                rover,
+                layer=self.value("cost_map_layer"),
+                spacing=self.value("cost_map_point_spacing"),
+                frame=self.value("cost_map_frame"),
+                headings=self.value("cost_map_headings"),
+                resolution=self.value("cost_map_resolution") or None,
+                limits=self.value("cost_map_limits"),
+                layers=[name for name in self.value("cost_map_layers") if name],
+                active=self.active,
+            )
 
     def _release(self) -> None:
         """Destroy what `_connect` made."""
+        for part in (self.commands, self.cost_map):
+            if part is not None:
+                part.close()
+        self.commands = self.cost_map = None
         for made in self._made:
-            for kind in ("publisher", "subscription", "timer"):
-                if type(made).__name__.lower().endswith(kind):
-                    getattr(self, f"destroy_{kind}")(made)
+            messages.destroy(self, made)
         self._made, self.rover = [], None
 
     # Sensors
@@ -294,7 +295,7 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
         try:
             values = self.reader.read(message.name, message.position, message.velocity)
         except RockerbogieError as error:
-            self._complain("joint states", str(error))
+            self.complain("joint states", str(error))
             return
         self._take(self.intake.joints(stamp, values))
 
@@ -312,7 +313,7 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
             self._unstamped[kind] = 0
             return stamp
         self._unstamped[kind] += 1
-        self._complain(f"{kind} without time", f"{kind} come without a time: times of reception are used")
+        self.complain(f"{kind} without time", f"{kind} come without a time: times of reception are used")
         return self.now() if self._unstamped[kind] >= AGREEING else None
 
     def _take(self, rows: Sequence[Row]) -> None:
@@ -322,23 +323,29 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
                 self.estimate = self.odometer.update(row.time, row.joints, row.imu)
             except RockerbogieError as error:
                 self.failures += 1
-                self._complain("odometry", str(error))
+                self.complain("odometry", str(error))
                 continue
             steering = row.joints.get("steering")
-            self._measured_steering = np.full(6, np.nan) if steering is None else np.asarray(steering)
+            self.measured_steering = np.full(6, np.nan) if steering is None else np.asarray(steering)
             if self.active:
                 nanoseconds = round(1e9 * row.stamp)
                 stamp = Time(nanoseconds=max(nanoseconds, 0)).to_msg()
                 odometry = messages.odometry_message(self.estimate, stamp, self.value("odom_frame"), self.value("base_frame"))
                 self.odom.publish(odometry)
                 if self.tf is not None:
-                    self.tf.publish(TFMessage(transforms=[messages.transform_of(odometry)]))
+                    self.tf.publish(self._transforms(transforms=[messages.transform_of(odometry)]))
         for name, count in self.intake.events.items():
             if count != self._logged.get(name, (0, 0.0))[0]:
-                self._complain(name, self.intake.last[name], count)
+                self.complain(name, self.intake.last[name], count)
 
-    def _complain(self, name: str, text: str, count: int | None = None) -> None:
-        """Write a warning to the log, at most every `QUIET` seconds for one kind."""
+    def complain(self, name: str, text: str, count: int | None = None) -> None:
+        """Write a warning to the log, at most every `QUIET` seconds for one kind.
+
+        Args:
+            name: of the kind.
+            text: the warning.
+            count: of events of that kind so far; `None`: not counted.
+        """
         known, when = self._logged.get(name, (0, -np.inf))
         now = time.monotonic()
         if now - when >= QUIET:
@@ -346,74 +353,23 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
             self.get_logger().warning(f"{text}{more}")
             self._logged[name] = (known if count is None else count, now)
 
-    # Commands
+    def destroy_node(self) -> None:
+        """End the parts, and release all."""
+        self._release()
+        super().destroy_node()
 
-    def _on_twist(self, message: Any) -> None:
-        twist = message.twist if self.value("cmd_vel_stamped") else message
-        wanted = np.array([twist.linear.x, twist.linear.y, twist.angular.z])
-        if not np.isfinite(wanted).all():
-            self._complain("cmd_vel", "cmd_vel is not finite: the rover stops")
-            wanted = np.zeros(3)
-        self.wanted, self._wanted_at = wanted, self.now()
-        self._send()
+    # Commands and state
+
+    def stop(self) -> None:
+        """Stop the wheels; the steering stays."""
+        if self.commands is not None:
+            self.commands.stop()
 
     def _on_command_timer(self) -> None:
-        """Use rows that have waited for long. Repeat the last twist, or stop if it is too old."""
+        """Use rows that have waited for long; repeat the last command, or stop."""
         self._take(self.intake.tick())
-        if not self.active or not np.isfinite(self._wanted_at):
-            return
-        now = self.now()
-        age = now - self._wanted_at
-        if age < 0.0 or age > self.value("cmd_vel_timeout"):
-            if self.wanted.any():
-                self._complain("cmd_vel timeout", f"no cmd_vel for {age:.2f} s: the rover stops")
-            self._stop()
-        elif now - self._sent_at > 0.5 / self.value("command_rate"):
-            self._send()
-
-    def _stop(self) -> None:
-        """Stop the wheels; the steering stays."""
-        if np.isfinite(self._wanted_at):
-            self.wanted, self._wanted_at = np.zeros(3), -np.inf
-            self._send()
-
-    def _send(self) -> None:
-        """Compute and publish commands for the last twist."""
-        if not self.active:
-            return
-        now = self.now()
-        usual = 1.0 / self.value("command_rate")
-        dt = now - self._sent_at
-        dt = dt if 0.0 < dt < 2.0 * usual else usual
-        e = self.estimate
-        steering = self._measured_steering if self.value("use_measured_steering") else None
-        contact = e.contact_angle if e is not None and self.value("use_contact_angles") else None
-        rocker, bogie = (0.0, np.zeros(2)) if e is None else (e.rocker, e.bogie)
-        if steering is not None and not np.isfinite(steering[self.controller.rover.steers]).all():
-            steering = None
-        try:
-            command = self.controller.command(
-                self.wanted, dt=dt, steering=steering, rocker=rocker, bogie=bogie, contact_angle=contact
-            )
-        except RockerbogieError as error:
-            self._complain("commands", str(error))
-            return
-        if not np.isfinite(command.wheel_rates).all():
-            self._complain("commands", "the present joint angles allow no motion with six wheels in contact: the wheels stop")
-            command.wheel_rates[:] = 0.0
-        self.command, self._sent_at = command, now
-        rates = self.motors.wheel_signs * command.wheel_rates
-        angles = self.motors.steering_signs * command.steering[self.controller.rover.steers]
-        self.wheels.publish(Float64MultiArray(data=rates.tolist()))
-        if len(angles):
-            self.steering.publish(Float64MultiArray(data=angles.tolist()))
-        message = JointState(name=[*self.motors.wheels, *self.motors.steering])
-        message.header.stamp = self.get_clock().now().to_msg()
-        message.position = [float("nan")] * 6 + angles.tolist()
-        message.velocity = [*rates.tolist(), *[float("nan")] * len(angles)]
-        self.joint_commands.publish(message)
-
-    # State
+        if self.commands is not None:
+            self.commands.tick()
 
     def _on_state_timer(self) -> None:
         if self.active:
@@ -493,7 +449,7 @@ def main(args: Sequence[str] | None = None, name: str = "rockerbogie", values: M
         pass
     finally:
         if rclpy.ok() and node.rover is not None:
-            node._stop()
+            node.stop()
         node._save()
         node.destroy_node()
         rclpy.try_shutdown()
