@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._kernels.jit import cache, notice
+from ._kernels.jit import cache, mode, notice
 from .errors import RockerbogieError
 
 #: Slope (rad) on which no rover has an equilibrium: the mode then starts its second search.
@@ -43,7 +43,7 @@ def compile_kernels(progress: Callable[[int, int], None] | None = None) -> Compi
     Raises:
         RockerbogieError: NUMBA_DISABLE_JIT is set, or no cache folder is writable.
     """
-    if not cache.is_compiling():
+    if not mode.COMPILED:
         raise RockerbogieError("NUMBA_DISABLE_JIT is set, so that nothing is compiled: unset it, then compile")
     folders = [folder.parent for folder in cache.cache_folders()]
     if not cache.is_writable(folders[-1]):

@@ -20,10 +20,12 @@ from .._kernels.jit.parallel import threads
 from ..settling.settle import settle
 from ..terrain.heightfield import Terrain
 from .baselines import drop_baseline, fsolve_baseline
-from .cases import Case, cases, places
+from .cases import Case, cases, grounds, places
 from .clock import best, timed
 from .costs import calls, jacobians, memory
 from .growth import growth
+from .waits import FEW, waits
+from .worst import ROVERS, worst
 
 __all__ = ["SCHEMA", "Case", "Result", "cases", "figures", "machine", "places", "run_case"]
 
@@ -125,7 +127,7 @@ def _part(case: Case, x: Array, y: Array, yaw: Array, first: int) -> Callable[[]
 
 
 def figures(
-    poses: int = 10_000, baseline_poses: int = 20, drops: int = 2, raster: Terrain | None = None
+    poses: int = 10_000, baseline_poses: int = 20, drops: int = 2, raster: Terrain | None = None, *, slowest: bool = False
 ) -> Iterator[tuple[str, int, dict[str, object]]]:
     """Time all cases and costs, one step at a time.
 
@@ -134,12 +136,13 @@ def figures(
         baseline_poses: as `run_case`.
         drops: as `run_case`.
         raster: terrain of one more case.
+        slowest: True: also time single poses on every kind of terrain (`worst`), which takes some minutes more.
 
     Yields:
         After each step: its name, the number of steps, and all figures so far (docs/bench.md).
     """
     every = cases(raster)
-    steps = len(every) + 4
+    steps = len(every) + 5 + slowest * len(ROVERS) * len(list(grounds()))
     done: list[dict[str, object]] = []
     table: dict[str, object] = {"schema": SCHEMA, "machine": machine(), "cases": done}
     for case in every:
@@ -148,6 +151,12 @@ def figures(
     for name, measure in (("calls", calls), ("jacobians", jacobians), ("memory", memory), ("growth", growth)):
         table[name] = measure()
         yield name, steps, table
+    table["waits"] = waits(max(poses // 10, 2 * FEW))
+    yield "waits", steps, table
+    if slowest:
+        for name, rows in worst(poses):
+            table["worst"] = rows
+            yield name, steps, table
 
 
 def machine() -> dict[str, object]:

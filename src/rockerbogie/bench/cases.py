@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from ..rover.formats import load_rover
 from ..rover.model import Rover
 from ..terrain import surfaces
 from ..terrain.heightfield import Terrain
+from ..terrain.window import Interpolation
 
 Array = NDArray[np.float64]
 
@@ -37,18 +39,87 @@ def cases(raster: Terrain | None = None) -> list[Case]:
         The cases.
     """
     percy, curiosity = load_rover("perseverance"), load_rover("curiosity")
-    mars = surfaces.mars(1, size=200.0, spacing=1.0, k=0.0, smallest_crater=10.0, interpolation="cubic")
     every = [
         smooth_case(),
         rough_case(400),
         Case("rocks 10 cm, whole tread", percy, rocky_ground(0.1)),
         Case("rocks 5 cm, whole tread", percy, rocky_ground(0.05)),
-        Case("Mars 1 m cubic, whole tread", curiosity, mars),
-        Case("Mars 1 m linear, whole tread", curiosity, Terrain.from_array(mars.z, mars.spacing, mars.origin, "linear")),
+        mars_case("cubic"),
+        mars_case("linear"),
     ]
     if raster is not None:
         every.append(Case(f"{raster.name}, whole tread", curiosity, raster))
     return every
+
+
+def mars_case(interpolation: Interpolation) -> Case:
+    """Return Curiosity's whole treads on craters and hills on a 1 m grid, as terrain models from orbit have.
+
+    Args:
+        interpolation: "linear" or "cubic".
+
+    Returns:
+        The case.
+    """
+    mars = surfaces.mars(1, size=200.0, spacing=1.0, k=0.0, smallest_crater=10.0, interpolation=interpolation)
+    return Case(f"Mars 1 m {interpolation}, whole tread", load_rover("curiosity"), mars)
+
+
+def grounds() -> Iterator[tuple[str, Terrain]]:
+    """Yield the kinds of terrain on which the slowest poses are searched for, with their names.
+
+    Near-flat terrain is a tie between equal minima of the gap; a wall makes bounds on it loose.
+    """
+    yield "smooth cubic", smooth_case().terrain
+    yield "flat cubic", surfaces.plane(0.1, size=12.0, spacing=0.1, interpolation="cubic")
+    yield "near-flat cubic", near_flat()
+    yield "wall of 10 m, cubic", wall(10.0)
+    yield "wall of 10 km, cubic", wall(1e4)
+    rocks = rocky_ground(0.1)
+    yield "rocks 10 cm linear", rocks
+    yield "rocks 10 cm cubic", Terrain.from_array(rocks.z, rocks.spacing, rocks.origin, "cubic")
+    z = rocks.z.copy()
+    z[::12, ::12] = np.nan
+    yield "rocks 10 cm linear, missing nodes", Terrain.from_array(z, rocks.spacing, rocks.origin, "linear")
+    yield "1 cm noise linear", rough_case(400).terrain
+    yield "Mars 1 m linear", mars_case("linear").terrain
+    yield "Mars 1 m cubic", mars_case("cubic").terrain
+
+
+def waiting_cases() -> list[Case]:
+    """Return the cases for what users wait for: Curiosity's whole treads on ordinary and on difficult terrain.
+
+    Returns:
+        The cases.
+    """
+    every = dict(grounds())
+    rocks, mars = ("rocks 10 cm linear", "rocks 10 cm cubic"), ("Mars 1 m linear", "Mars 1 m cubic")
+    names = (*rocks, "near-flat cubic", "wall of 10 km, cubic", *mars)
+    return [Case(name, load_rover("curiosity"), every[name]) for name in names]
+
+
+def near_flat() -> Terrain:
+    """Return cubic terrain like a flat raster of 32-bit numbers: 10 cm cells, level, with 1e-8 m of noise.
+
+    Returns:
+        The terrain, 12 m a side.
+    """
+    z = np.random.default_rng(4).normal(0.0, 1e-8, (121, 121))
+    return Terrain.from_array(z, 0.1, (-6.0, -6.0), "cubic", name="near-flat")
+
+
+def wall(height: float) -> Terrain:
+    """Return cubic terrain with a vertical wall, as unmarked missing data makes: 10 cm cells.
+
+    Args:
+        height: m.
+
+    Returns:
+        The terrain, 6 m a side, low for x < 0.
+    """
+    z = np.full((61, 61), 100.0)
+    z[:, :30] -= height
+    return Terrain.from_array(z, 0.1, (-3.0, -3.0), "cubic", name=f"wall of {height:g} m")
 
 
 def smooth_case() -> Case:

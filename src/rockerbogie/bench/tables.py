@@ -31,10 +31,10 @@ def tables(figures: Mapping[str, Any], before: Mapping[str, float] | None = None
 
     Args:
         figures: the last yield of `bench.figures`.
-        before: case → ratio to "rim" in another run, for one more column.
+        before: case → ratio to "rim", and name of a wait → its ratio, in another run, for one more column.
 
     Returns:
-        Times, quality, ratios, errors, growth, and other costs.
+        Times, quality, ratios, errors, growth, waits, slowest poses, and other costs.
     """
     cases = figures["cases"]
     count = cases[0]["threads"]
@@ -74,6 +74,8 @@ def tables(figures: Mapping[str, Any], before: Mapping[str, float] | None = None
         _of(cases, "time of a baseline over ours (*: it fails at most poses)", ratios),
         _of(cases, "error of fsolve: worst of six gaps, m, median over its poses", errors),
         *_growth(figures["growth"]),
+        *_waits(figures.get("waits", []), before or {}),
+        *_worst(figures.get("worst", [])),
         Table("other costs", ["cost", "value"], _other_costs(figures)),
     ]
 
@@ -114,6 +116,49 @@ def _growth(growth: Mapping[str, Any]) -> list[Table]:
         ]
         made.append(Table(caption, ["", *heads], [["µs per pose", *(_three(row["us"]) for row in growth[name])]]))
     return made
+
+
+def _waits(rows: list[Any], before: Mapping[str, float]) -> list[Table]:
+    """Return the tables of what users wait for: jobs of this process, and new processes.
+
+    Args:
+        rows: as `waits.waits` returns them.
+        before: name of a wait → its ratio in another run.
+    """
+    jobs, starts = ([row for row in rows if row["unit"] == unit] for unit in ("fsolve", "import"))
+    made = [
+        ("wait, per pose on one thread; ratio: fsolve on smooth terrain over ours", "µs", 1.0, jobs),
+        ("new process, median; ratio: a process that imports numba over ours", "s", 1e-6, starts),
+    ]
+    more = ["before"] if before else []
+    return [
+        Table(
+            caption,
+            ["wait", unit, "ratio", *more],
+            [
+                [row["name"], _three(row["us"] * scale), _three(row["ratio"])]
+                + [_three(before[row["name"]]) if row["name"] in before else "-" for _ in more]
+                for row in chosen
+            ],
+        )
+        for caption, unit, scale, chosen in made
+        if chosen
+    ]
+
+
+def _worst(rows: list[Any]) -> list[Table]:
+    """Return the table of the slowest poses, if they were timed.
+
+    Args:
+        rows: as `worst.worst` yields them.
+    """
+    heads = ["terrain", "rover", "p50", "p99", "slowest", "slowest/p50"]
+    cells = [
+        [row["terrain"], row["rover"], *(_three(row[f"us_{part}"]) for part in ("p50", "p99", "worst"))]
+        + [f"{row['us_worst'] / row['us_p50']:.1f}"]
+        for row in rows
+    ]
+    return [Table("µs of a single pose, each by a call of its own", heads, cells)] if rows else []
 
 
 def _other_costs(figures: Mapping[str, Any]) -> list[list[str]]:

@@ -28,6 +28,7 @@ def bench(
     drops: int = 2,
     terrain: str | None = None,
     raster: Raster = None,
+    slowest: bool = False,
     save: Path | None = None,
     compare: Path | None = None,
     json: Json = False,
@@ -46,10 +47,12 @@ def bench(
         Number of them that MuJoCo settles.
     terrain
         A raster file: one more case, Curiosity's whole treads on it with linear interpolation.
+    slowest
+        Also time every pose by itself on every kind of terrain, and list the slowest: some minutes more.
     save
         Write the figures to this JSON file.
     compare
-        A file saved by another version: adds a column with its ratios to fsolve.
+        A file saved by another version: adds columns with its ratios.
     json
         Print the figures as JSON instead of tables.
     markdown
@@ -68,7 +71,7 @@ def bench(
     figures: dict[str, Any] = {}
     with progress() as bar:
         task = bar.add_task("timing (the first run compiles)", total=None)
-        for name, count, done in stopwatch.figures(poses, baseline_poses, drops, ground):
+        for name, count, done in stopwatch.figures(poses, baseline_poses, drops, ground, slowest=slowest):
             figures = done
             bar.update(task, total=count, advance=1, description=name)
     if save:
@@ -93,10 +96,11 @@ def bench(
 
 
 def _saved(path: Path) -> dict[str, float]:
-    """Return case → ratio to fsolve with a fine rim, of a saved run."""
+    """Return case → ratio to fsolve with a fine rim, and name of a wait → ratio, of a saved run."""
     try:
         saved = json_text.loads(path.read_text())
         ratios, found = {case["name"]: float(case["ratios"]["rim"]) for case in saved["cases"]}, int(saved["schema"])
+        ratios |= {row["name"]: float(row["ratio"]) for row in saved.get("waits", [])}
     except FileNotFoundError:
         raise RockerbogieError(f"no file {path}: save one with `rockerbogie bench --save {path}`") from None
     except (ValueError, KeyError, TypeError):

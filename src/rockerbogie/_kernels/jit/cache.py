@@ -30,6 +30,7 @@ import llvmlite
 import numba
 from numba.core.codegen import JITCPUCodegen
 from numba.core.compiler import CompileResult
+from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 from numba.misc.appdirs import AppDirs
 
@@ -43,6 +44,8 @@ PREFIX = "rockerbogie-"
 KEPT_FOLDERS = 5
 #: Files kept of one kernel and signature, the newest: one for each state of its sources.
 KEPT_FILES = 3
+#: Sources that store and announce compiled code and do not change it.
+MACHINERY = {SOURCES / "jit" / "cache.py", SOURCES / "jit" / "notice.py"}
 #: Relative import: dots, module, names.
 IMPORT = re.compile(rb"^ *from (\.+)([\w.]*) import (\([^)]*\)|[^\n(]*)", re.MULTILINE)
 #: Settings of numba that change machine code and are not part of the processor's description.
@@ -60,7 +63,7 @@ IMPORTED = read_sources()
 
 @functools.cache
 def imports_of(file: Path) -> frozenset[Path]:
-    """Return the kernel sources that a kernel source imports.
+    """Return the kernel sources that a kernel source imports, without `MACHINERY`.
 
     Args:
         file: a key of `IMPORTED`.
@@ -70,7 +73,7 @@ def imports_of(file: Path) -> frozenset[Path]:
         base = file.parents[len(dots) - 1].joinpath(*module.decode().split("."))
         for target in (base, *(base / name for name in re.findall(r"\w+", names.decode()))):
             found |= {target.with_suffix(".py"), target / "__init__.py"} & IMPORTED.keys()
-    return frozenset(found)
+    return frozenset(found - MACHINERY)
 
 
 @functools.cache
@@ -113,11 +116,6 @@ def cache_folders() -> tuple[Path, ...]:
     places += [SOURCES / "__pycache__", Path(AppDirs("rockerbogie", appauthor=False).user_cache_dir)]
     count = next((n + 1 for n, place in enumerate(places) if is_writable(place)), len(places))
     return tuple(place / name for place in places[:count])
-
-
-def is_compiling() -> bool:
-    """Return False if NUMBA_DISABLE_JIT is set: kernels then run in plain Python."""
-    return not numba.config.DISABLE_JIT
 
 
 def is_writable(folder: Path) -> bool:
@@ -216,6 +214,15 @@ class KernelCache:
         """
         return f"{self._stem(key[1])}-{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}.nbc"
 
+    def holds(self, sig: Any) -> bool:
+        """Return True if the cache has a file of the compiled kernel.
+
+        Args:
+            sig: types of the arguments.
+        """
+        name = self._file_name(self._key(sig))
+        return any((folder / name).exists() for folder in cache_folders())
+
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Load a compiled kernel.
 
@@ -226,9 +233,9 @@ class KernelCache:
         Returns:
             The compile result, or None if the cache does not hold it.
         """
-        target_context.refresh()
         if not self._enabled:
             return None
+        rtsys.initialize(target_context)  # all that loading needs of `refresh`, which takes 0.3 s; numba's compiler calls that
         key = self._key(sig)
         for folder in cache_folders():
             try:

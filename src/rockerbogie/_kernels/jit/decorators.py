@@ -11,6 +11,7 @@ from numba.core import types
 from numba.extending import overload
 
 from .cache import enable_cache
+from .mode import COMPILED
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -25,13 +26,14 @@ def _compiled(function: F, **options: Any) -> Any:
         options: further options of `numba.njit`.
 
     Returns:
-        A numba dispatcher; the function itself if NUMBA_DISABLE_JIT is set.
+        A numba dispatcher; the function itself in plain Python (`mode`).
     """
+    if not COMPILED:
+        return function
     made = numba.njit(error_model="numpy", **options)(function)
-    if not numba.config.DISABLE_JIT:
-        enable_cache(made)
-        choose = made.get_call_template
-        made.get_call_template = lambda args, kws: choose(tuple(_without_value(a) for a in args), kws)
+    enable_cache(made)
+    choose = made.get_call_template
+    made.get_call_template = lambda args, kws: choose(tuple(_without_value(a) for a in args), kws)
     return made
 
 
@@ -104,9 +106,10 @@ def inlined(function: F) -> F:
     Returns:
         The compiled function.
     """
+    if not COMPILED:
+        return function
     made: F = numba.njit(error_model="numpy", inline="always")(function)
-    if not numba.config.DISABLE_JIT:
-        enable_cache(made)
+    enable_cache(made)
     return made
 
 
@@ -143,7 +146,7 @@ def specialize_on_ground(function: Callable[..., Any]) -> Callable[[Maker], Make
             return make(ground.instance_class)
 
         choose.__signature__ = inspect.signature(function)  # type: ignore[attr-defined]
-        if not numba.config.DISABLE_JIT:
+        if COMPILED:
             overload(function, inline="always", strict=False, jit_options={"error_model": "numpy"})(choose)
         return make
 

@@ -43,6 +43,10 @@ class _CompileListener(event.Listener):  # type: ignore[misc]
             return
         self.collects = gc.isenabled()
         gc.disable()
+        self.show()
+
+    def show(self) -> None:
+        """Print the notice on a terminal, once."""
         if not self.noticed and sys.stderr is not None and sys.stderr.isatty():
             print(NOTICE, file=sys.stderr, flush=True)
         self.noticed = True
@@ -71,6 +75,11 @@ def announce(dispatcher: Any) -> None:
         dispatcher: result of `numba.njit`, kept for the life of the process.
     """
     _listener.kernels.add(id(dispatcher))
+
+
+def show() -> None:
+    """Print the notice on a terminal, once in a process."""
+    _listener.show()
 
 
 def silence() -> None:

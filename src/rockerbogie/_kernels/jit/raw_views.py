@@ -1,6 +1,6 @@
 """Memory access that numba lacks: unowned views, shifted views and gathers of grid nodes.
 
-Each function exists twice: as an LLVM intrinsic for compiled kernels, and in plain Python if NUMBA_DISABLE_JIT is set.
+Each function exists twice: as an LLVM intrinsic for compiled kernels, and for plain Python (`mode`).
 """
 
 from __future__ import annotations
@@ -10,11 +10,13 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import config, types
+from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-if config.DISABLE_JIT:
+from .mode import COMPILED
+
+if not COMPILED:
 
     def unowned_view(array: Any) -> Any:
         """Return the array itself: plain Python needs no unowned views.

@@ -1,7 +1,7 @@
 """Arithmetic on blocks of lanes: plain Python functions, compiled to SIMD instructions.
 
 A function of rows computes with `Lanes`: each operation on them adds one vector instruction to the kernel that
-calls the function. Loops and branches of the function run while it is compiled. With NUMBA_DISABLE_JIT, the same function
+calls the function. Loops and branches of the function run while it is compiled. In plain Python (`mode`), the same function
 computes with numpy arrays.
 """
 
@@ -12,9 +12,11 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import config, types
+from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
+
+from .mode import COMPILED
 
 LANES = 8  # poses in a block: numbers in the widest registers
 _VECTOR = ir.VectorType(ir.DoubleType(), LANES)
@@ -188,7 +190,7 @@ def on_lanes(function: Callable[[Any], None]) -> Any:
     Returns:
         A function (lanes) to call in compiled kernels.
     """
-    if config.DISABLE_JIT:
+    if not COMPILED:
 
         def run(lanes: Any) -> None:
             """Run the function on numpy arrays.

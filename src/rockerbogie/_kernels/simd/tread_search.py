@@ -197,7 +197,7 @@ def take_lowest_nodes(lanes: Array, columns: int) -> float:
     Reads:  BOUND (all), LOWEST.gap, TREAD.col_0, TREAD.row_0
     Writes: BOUND.low, CELL.col, CELL.row
     """
-    over = 1.0 / columns
+    over = 1.0 / max(columns, 1)
     for l in range(LANES):
         low = lanes[BOUND.low + l]
         lanes[BOUND.low + l] = low if low < lanes[LOWEST.gap + l] - GAP_TIE else math.inf

@@ -1,0 +1,154 @@
+"""Kernels in plain Python for the first poses, while another process compiles them.
+
+A kernel takes 10 to 20 s to compile, and a single pose 0.1 to 1 s in plain Python. The first calls on a few items therefore run
+a second copy of the package `_kernels`, in which no function is compiled. A process in the background compiles the kernels
+that were called, stores them in the disk cache, and ends. Results differ from those of compiled kernels by rounding only.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import os
+import pickle
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from . import cache, notice
+from .mode import COMPILED, PLAIN_PACKAGE
+
+#: Largest batch that runs in plain Python.
+FEW = 4
+#: Time (s) that a process spends in plain Python; then it waits until a kernel is compiled.
+TIME = 5.0
+#: Environment variable: 1 compiles a kernel before its first call, however small the batch.
+WAIT = "ROCKERBOGIE_WAIT_FOR_COMPILER"
+#: Program of the process in the background.
+PROGRAM = "from rockerbogie._kernels.jit.uncompiled import compile_requests; compile_requests()"
+
+
+@dataclass
+class FirstCalls:
+    """State of this process: kernels it has seen compiled, time spent in plain Python, and the process in the background."""
+
+    ready: set[tuple[Any, type]] = field(default_factory=set)  # kernel and type of its first argument
+    seconds: float = 0.0
+    process: subprocess.Popen[bytes] | None = None
+    requests: set[Any] = field(default_factory=set)  # kernel and signature
+
+    def run(self, kernel: Any, args: tuple[Any, ...], count: int) -> bool:
+        """Run a batch kernel in plain Python, if it is not compiled yet and the batch is small.
+
+        Args:
+            kernel: called as `kernel(*args, 0, count)`.
+            args: its arguments before the range.
+            count: number of items.
+
+        Returns:
+            False if nothing was done: the caller runs the compiled kernel.
+        """
+        key = kernel, type(args[0])
+        if key in self.ready:
+            return False
+        signature = tuple(kernel.typeof_pyval(value) for value in (*args, 0, 0)) if COMPILED else ()
+        if not COMPILED or os.environ.get(WAIT) == "1" or signature in kernel.overloads or kernel._cache.holds(signature):
+            self.ready.add(key)
+            return False
+        if count > FEW or self.seconds >= TIME:
+            self._wait(kernel, signature)
+            return False
+        self._request(kernel, signature)
+        start = time.perf_counter()
+        try:
+            with np.errstate(all="ignore"):
+                plain_copy(kernel)(*map(plain_copy, args), 0, count)
+        except (ArithmeticError, ValueError):  # plain Python raises where compiled code gives inf or NaN
+            return False
+        finally:
+            self.seconds += time.perf_counter() - start
+        return True
+
+    def _request(self, kernel: Any, signature: tuple[Any, ...]) -> None:
+        """Ask the process in the background to compile a kernel; start the process at the first request.
+
+        Without a writable cache folder or a Python program to start, nothing is done.
+
+        Args:
+            kernel: numba dispatcher.
+            signature: types of its arguments.
+        """
+        if (kernel, signature) in self.requests:
+            return
+        self.requests.add((kernel, signature))
+        try:
+            if self.process is None and sys.executable and cache.is_writable(cache.cache_folders()[-1].parent):
+                self.process = start_compiler()
+            if self.process is not None and self.process.stdin is not None:
+                pickle.dump((kernel.__module__, kernel.__name__, signature), self.process.stdin)
+                self.process.stdin.flush()
+        except OSError:  # it cannot be started, or has ended: the kernel is compiled when it is needed
+            return
+
+    def _wait(self, kernel: Any, signature: tuple[Any, ...]) -> None:
+        """Wait until the process in the background has compiled a kernel, if it was asked to.
+
+        Args:
+            kernel: numba dispatcher.
+            signature: types of its arguments.
+        """
+        if self.process is None or (kernel, signature) not in self.requests:
+            return
+        notice.show()
+        while self.process.poll() is None and not kernel._cache.holds(signature):
+            time.sleep(0.02)
+
+
+def plain_copy(kept: Any) -> Any:
+    """Return a kernel, or a named tuple of a kernel's arguments, from the copy of `_kernels` in plain Python.
+
+    Args:
+        kept: any object; one that is defined outside the package `_kernels` is returned as it is.
+    """
+    kind, package = kept if callable(kept) else type(kept), __package__.rpartition(".")[0]
+    if not kind.__module__.startswith(package + "."):
+        return kept
+    if PLAIN_PACKAGE not in sys.modules:
+        initial = cache.SOURCES / "__init__.py"
+        spec = importlib.util.spec_from_file_location(PLAIN_PACKAGE, initial, submodule_search_locations=[str(cache.SOURCES)])
+        assert spec is not None
+        sys.modules[PLAIN_PACKAGE] = importlib.util.module_from_spec(spec)
+    made = getattr(importlib.import_module(PLAIN_PACKAGE + kind.__module__.removeprefix(package)), kind.__name__)
+    return made if kind is kept else made(*map(plain_copy, kept))
+
+
+def start_compiler() -> subprocess.Popen[bytes]:
+    """Start a process that compiles the kernels named on its standard input, and outlives this one."""
+    paths = [str(cache.SOURCES.parents[1]), *filter(None, [os.environ.get("PYTHONPATH")])]
+    return subprocess.Popen(
+        [sys.executable, "-c", PROGRAM],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(paths), WAIT: "1"},
+        start_new_session=True,  # an interrupt from the keyboard is not for it
+    )
+
+
+def compile_requests() -> None:
+    """Compile the kernels that standard input names, until it ends."""
+    if hasattr(os, "nice"):
+        os.nice(5)
+    while True:
+        try:
+            module, name, signature = pickle.load(sys.stdin.buffer)
+        except EOFError:
+            return
+        getattr(importlib.import_module(module), name).compile(signature)
+
+
+first_calls = FirstCalls()
