@@ -136,7 +136,7 @@ def test_too_few_poses_are_refused(capsys) -> None:
 
 
 def test_tables_are_written_between_markers(figures: dict, tmp_path, capsys, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bench, "figures", lambda *_: iter([("all", 1, figures)]))
+    monkeypatch.setattr(bench, "figures", lambda *_, **__: iter([("all", 1, figures)]))
     page = tmp_path / "page.md"
     page.write_text("before\n<!-- bench -->\nold\n<!-- end of bench -->\nafter\n")
     kept = tmp_path / "kept.json"
