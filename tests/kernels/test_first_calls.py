@@ -51,7 +51,7 @@ def double(given, out, start, stop):
 
 
 def run(script: str, **environment: str) -> list[str]:
-    """Run a script in a new process that need not wait for the compiler; return the lines of its output."""
+    """Run a script in a new process that does not wait; return the lines of its output."""
     env = {name: value for name, value in os.environ.items() if name != uncompiled.WAIT} | environment
     return subprocess.run([sys.executable, "-c", script], env=env, capture_output=True, text=True, check=True).stdout.splitlines()
 

@@ -53,7 +53,7 @@ def cases(raster: Terrain | None = None) -> list[Case]:
 
 
 def mars_case(interpolation: Interpolation) -> Case:
-    """Return Curiosity's whole treads on craters and hills on a 1 m grid, as terrain models from orbit have.
+    """Return Curiosity's whole treads on craters and hills on a 1 m grid.
 
     Args:
         interpolation: "linear" or "cubic".
@@ -69,6 +69,9 @@ def grounds() -> Iterator[tuple[str, Terrain]]:
     """Yield the kinds of terrain on which the slowest poses are searched for, with their names.
 
     Near-flat terrain is a tie between equal minima of the gap; a wall makes bounds on it loose.
+
+    Returns:
+        Name and terrain of each kind.
     """
     yield "smooth cubic", smooth_case().terrain
     yield "flat cubic", surfaces.plane(0.1, size=12.0, spacing=0.1, interpolation="cubic")
@@ -87,7 +90,7 @@ def grounds() -> Iterator[tuple[str, Terrain]]:
 
 
 def waiting_cases() -> list[Case]:
-    """Return the cases for what users wait for: Curiosity's whole treads on ordinary and on difficult terrain.
+    """Return Curiosity's whole treads on ordinary and on difficult terrain.
 
     Returns:
         The cases.
@@ -99,7 +102,7 @@ def waiting_cases() -> list[Case]:
 
 
 def near_flat() -> Terrain:
-    """Return cubic terrain like a flat raster of 32-bit numbers: 10 cm cells, level, with 1e-8 m of noise.
+    """Return level cubic terrain of 10 cm cells with 1e-8 m of noise, like a flat raster.
 
     Returns:
         The terrain, 12 m a side.

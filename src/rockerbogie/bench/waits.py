@@ -1,4 +1,4 @@
-"""Times that users wait for: difficult terrain, one pose, equilibrium, clearance, maps, new processes."""
+"""Times that users wait for: single poses, equilibrium, clearance, maps, processes."""
 
 from __future__ import annotations
 
@@ -118,6 +118,9 @@ def process_seconds(arguments: list[str], starts: int = STARTS, *, empty_cache: 
         arguments: of the Python program.
         starts: number of processes.
         empty_cache: True: each process has an empty cache of compiled kernels.
+
+    Returns:
+        s.
     """
     spent = []
     for _ in range(starts):

@@ -199,7 +199,7 @@ class KernelCache:
         return self._name, sig, self._sources, hashlib.sha256(repr(code).encode()).hexdigest()
 
     def _stem(self, sig: Any) -> str:
-        """Return the first part of the names of the files that hold a kernel, the same for all states of its sources.
+        """Return the part of the names of a kernel's files that is the same for all its sources.
 
         Args:
             sig: types of the arguments.

@@ -34,7 +34,7 @@ PROGRAM = "from rockerbogie._kernels.jit.uncompiled import compile_requests; com
 
 @dataclass
 class FirstCalls:
-    """State of this process: kernels it has seen compiled, time spent in plain Python, and the process in the background."""
+    """Kernels seen compiled, time spent in plain Python, and the background process."""
 
     ready: set[tuple[Any, type]] = field(default_factory=set)  # kernel and type of its first argument
     seconds: float = 0.0
@@ -74,7 +74,7 @@ class FirstCalls:
         return True
 
     def _request(self, kernel: Any, signature: tuple[Any, ...]) -> None:
-        """Ask the process in the background to compile a kernel; start the process at the first request.
+        """Request a kernel from the background process, which the first request starts.
 
         Without a writable cache folder or a Python program to start, nothing is done.
 
@@ -109,7 +109,7 @@ class FirstCalls:
 
 
 def plain_copy(kept: Any) -> Any:
-    """Return a kernel, or a named tuple of a kernel's arguments, from the copy of `_kernels` in plain Python.
+    """Return the plain Python form of a kernel, or of a named tuple that kernels take.
 
     Args:
         kept: any object; one that is defined outside the package `_kernels` is returned as it is.
@@ -127,7 +127,7 @@ def plain_copy(kept: Any) -> Any:
 
 
 def start_compiler() -> subprocess.Popen[bytes]:
-    """Start a process that compiles the kernels named on its standard input, and outlives this one."""
+    """Start a process that compiles the kernels named on its input, and outlives this one."""
     paths = [str(cache.SOURCES.parents[1]), *filter(None, [os.environ.get("PYTHONPATH")])]
     return subprocess.Popen(
         [sys.executable, "-c", PROGRAM],
