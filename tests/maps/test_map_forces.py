@@ -42,9 +42,13 @@ def test_layers_of_forces_are_those_of_the_poses(rover: rb.Rover, terrain: rb.Te
     x, y = np.meshgrid(maps.x, maps.y)
     pose = rb.settle(rover, terrain, x, y, maps.heading.values[:, None, None], gravity=rb.GRAVITY["mars"])
     loads = rb.wheel_loads(pose)
-    np.testing.assert_array_equal(maps.required_friction, loads.required_friction)
-    np.testing.assert_array_equal(maps.max_torque, np.abs(loads.torque).max(axis=-1))
-    np.testing.assert_array_equal(maps.tip_margin, rb.stability(pose).tip_margin)
+    stability, weight = rb.stability(pose), rover.mass * rb.GRAVITY["mars"]
+    friction, torque = loads.required_friction, np.abs(loads.torque).max(axis=-1)
+    np.testing.assert_allclose(maps.required_friction, friction, rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(maps.max_torque, torque, atol=1e-3 * weight * rover.wheel_radius.max())
+    above = (maps.tip_margin.values - stability.tip_margin)[np.isfinite(pose.z)]
+    assert above.min() > -1e-4  # the accuracy of `stability`
+    assert above.max() < 1e-3
     assert maps.attrs["gravity"] == rb.GRAVITY["mars"]
     assert np.isfinite(maps.required_friction.values).mean() + np.isnan(pose.z).mean() > 0.9
 

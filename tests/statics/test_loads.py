@@ -213,6 +213,31 @@ def test_least_friction_is_proved_minimal() -> None:
         assert gap.max() < 1e-4
 
 
+@pytest.mark.parametrize(("name", "slopes"), [("sawppy", (55.0, 56.0, 57.0, 61.0)), ("osr", (55.0, 57.0, 60.0))])
+def test_friction_is_found_up_to_the_slope_at_which_the_rover_tips(name: str, slopes: tuple[float, ...]) -> None:
+    rover, found = rb.load_rover(name), []
+    for slope in slopes:
+        pose = rb.settle(rover, plane(np.radians(slope)), 0.0, 0.0, [0.4])
+        loads = rb.wheel_loads(pose)
+        mu = float(loads.required_friction[0])
+        found.append(np.isfinite(mu))
+        margin = float(rb.stability(pose, friction=50.0).tip_angle[0])
+        if mu == np.inf:
+            assert loads.status[0] == rb.LoadStatus.NOT_HELD
+            assert margin < np.radians(0.1)  # no coefficient up to 64 holds, so none up to 50
+            continue
+        assert margin > 0.0 or mu > 50.0
+        assert 0.0 < mu - loads.friction_bound[0] < 1e-6 * mu
+        columns, b = unit_columns(pose, 0)
+        scale = np.abs(columns[3:]).max()
+        columns[3:] /= scale
+        b = b / np.abs(b[2]) / np.array([1, 1, 1, *[scale] * 6])
+        assert conic(columns, b, 1.0001 * mu) < 1e-8
+        assert conic(columns, b, 0.9999 * mu) > 1e-8
+    assert found[0]
+    assert not found[-1]
+
+
 def test_torque_of_a_locked_wheel_is_traction_times_radius() -> None:
     pose = rb.settle(rb.load_rover("sawppy"), plane(0.3), 0.0, 0.0)
     loads = rb.wheel_loads(pose, law="equal_torque")

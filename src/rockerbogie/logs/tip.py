@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .._kernels.statics import loads as kernel
+from .._kernels.statics.lane_tipping import MARGIN
 from .._kernels.statics.mechanism import BELLY
 from ..arrays import Array
 from ..rotations import body_transform, euler_angles
@@ -37,10 +38,11 @@ def tip_margin(rover: Rover, T: Array, rocker: float, bogie: Array, steering: Ar
     axle = wheel_frames(rover, rocker, bogie, steering)
     contact = body_transform(0, 0, 0, roll, pitch, 0.0) @ contact_frames(rover, axle, contact_angle)
     q = np.array([[0.0, roll, pitch, rocker, bogie[0], bogie[1]]])
-    margin, bound, direction, angle, energy = np.empty((5, 1))
+    margin, bound, direction = np.empty((3, 1))
+    unwanted = np.empty(0)
     kernel.stability_batch(
         rover.packed, np.zeros(1), steering[None], q, np.ascontiguousarray(contact[None, :, :3, 3]),
-        np.ascontiguousarray(contact[None, :, :3, 2]), NO_STOPS, NO_BELLY, NO_BELLY, GRIP,
-        margin, bound, direction, np.empty((1, 6), dtype=bool), np.empty(1, dtype=bool), angle, energy, 0, 1,
+        np.ascontiguousarray(contact[None, :, :3, 2]), NO_STOPS, NO_BELLY, NO_BELLY, GRIP, MARGIN,
+        margin, bound, direction, np.empty((1, 6), dtype=bool), np.empty(1, dtype=bool), unwanted, unwanted, 0, 1,
     )  # fmt: skip
     return float(margin[0])

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._kernels.jit.parallel import parallel_for
 from .._kernels.statics import loads as kernel
+from .._kernels.statics.lane_friction import GAP
 from ..arrays import Array
 from ..errors import RockerbogieError
 from ..settling.pose import Pose, checked_gravity
@@ -104,6 +105,30 @@ def wheel_loads(
         RockerbogieError: an unknown law, gravity not above 0, a rover without mass, an acceleration that cancels
             gravity, or shapes that do not broadcast.
     """
+    return solve_loads(pose, gravity, drawbar, acceleration, law)
+
+
+def solve_loads(
+    pose: Pose,
+    gravity: float | None = None,
+    drawbar: ArrayLike = 0.0,
+    acceleration: ArrayLike | None = None,
+    law: Law = "least_friction",
+    gap: float = GAP,
+) -> WheelLoads:
+    """Compute contact forces as `wheel_loads`, the least friction to a given accuracy.
+
+    Args:
+        pose, gravity, drawbar, acceleration, law: as for `wheel_loads`.
+        gap: power of all forces, of the weight, at which the search for the least friction ends. The coefficient's error
+            is about this, and certified to 100 times as much.
+
+    Returns:
+        WheelLoads with the pose's batch axes.
+
+    Raises:
+        RockerbogieError: as `wheel_loads`.
+    """
     packed = pack_contacts(pose)
     if law not in LAWS:
         raise RockerbogieError(f"law {law!r} is not known; give one of {', '.join(LAWS)}")
@@ -118,7 +143,7 @@ def wheel_loads(
     force, torque, limit = np.empty((n, 6, 3)), np.empty((n, 6)), np.empty((n, 3))
     required, bound, belly, status = np.empty(n), np.empty(n), np.empty(n), np.empty(n, dtype=np.uint8)
     parallel_for(
-        kernel.loads_batch, n, *packed, field, pull, LAWS.index(law),
+        kernel.loads_batch, n, *packed, field, pull, LAWS.index(law), gap,
         force, torque, required, bound, limit, belly, status,
     )  # fmt: skip
     shape = pose.shape

@@ -10,17 +10,21 @@ from numpy.typing import NDArray
 
 from .._kernels.jit.parallel import parallel_for
 from .._kernels.statics import loads as kernel
+from .._kernels.statics.lane_tipping import MARGIN
 from ..arrays import Array
 from ..errors import RockerbogieError
 from ..settling.pose import Pose, checked_gravity
 from .contacts import PackedContacts, pack_contacts
-from .loads import wheel_loads
+from .loads import solve_loads, wheel_loads
 from .shortfall import shortfall
 
 #: Friction coefficient at which a rover tips rather than slides: a plane of up to 63° holds it.
 GRIP = 2.0
 #: Angle up to which a rover that needs gravity to turn counts as held, rad.
 HELD = 1e-7
+#: Accuracy of maps: power (of the weight) at which the search for the least friction ends, and largest difference of the
+#: tip margin's bounds, rad.
+MAP_GAP, MAP_MARGIN = 1e-7, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +95,9 @@ def stability(pose: Pose, *, gravity: float | None = None, friction: float = GRI
     n = pose.status.size
     margin, bound, direction, angle, energy = np.empty((5, n))
     stays, slides = np.empty((n, 6), dtype=bool), np.empty(n, dtype=bool)
-    parallel_for(kernel.stability_batch, n, *packed, float(friction), margin, bound, direction, stays, slides, angle, energy)
+    parallel_for(
+        kernel.stability_batch, n, *packed, float(friction), MARGIN, margin, bound, direction, stays, slides, angle, energy
+    )  # fmt: skip
     angle_to_hold = _tip_angles(packed, margin, friction)
     margin[angle_to_hold < 0.0] = 0.0
     shape = pose.shape
@@ -119,7 +125,7 @@ def _tip_angles(packed: PackedContacts, margin: Array, friction: float) -> Array
 
 
 def force_values(pose: Pose, names: Collection[str]) -> dict[str, Array]:
-    """Compute required friction, largest motor torque and tip margin, those that are named.
+    """Compute required friction, largest motor torque and tip margin for maps.
 
     Args:
         pose: settled poses (...).
@@ -130,11 +136,24 @@ def force_values(pose: Pose, names: Collection[str]) -> dict[str, Array]:
     """
     values = {}
     if "required_friction" in names or "max_torque" in names:
-        loads = wheel_loads(pose)
+        loads = solve_loads(pose, gap=MAP_GAP)
         values = {"required_friction": loads.required_friction, "max_torque": np.abs(loads.torque).max(axis=-1)}
     if "tip_margin" in names:
-        values["tip_margin"] = stability(pose).tip_margin
+        values["tip_margin"] = _tip_margins(pose)
     return {name: values[name] for name in names}
+
+
+def _tip_margins(pose: Pose) -> Array:
+    """Return the tip margins (...) of poses to the accuracy of maps, rad."""
+    n = pose.status.size
+    margin, bound, direction = np.empty((3, n))
+    stays, slides, unwanted = np.empty((n, 6), dtype=bool), np.empty(n, dtype=bool), np.empty(0)
+    packed = pack_contacts(pose)
+    parallel_for(
+        kernel.stability_batch, n, *packed, GRIP, MAP_MARGIN, margin, bound, direction, stays, slides, unwanted, unwanted
+    )  # fmt: skip
+    margin[_tip_angles(packed, margin, GRIP) < 0.0] = 0.0
+    return margin.reshape(pose.shape)
 
 
 def load_values(pose: Pose) -> dict[str, NDArray[np.generic]]:

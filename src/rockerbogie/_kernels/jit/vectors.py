@@ -181,27 +181,53 @@ class _CompiledRows:
         self.builder.store(_value(value), self._address(row), align=8)
 
 
-def on_lanes(function: Callable[[Any], None]) -> Any:
-    """Return a kernel of one lane array that runs a function of its rows.
+class _CompiledNumbers:
+    """Numbers of an array, each the same in all lanes."""
+
+    def __init__(self, builder: Any, data: Any) -> None:
+        self.builder, self.data = builder, data
+
+    def __getitem__(self, index: int) -> Lanes:
+        number = self.builder.load(self.builder.gep(self.data, [ir.Constant(ir.IntType(64), index)]), align=8)
+        empty, first = ir.Constant(_VECTOR, ir.Undefined), ir.Constant(ir.IntType(32), 0)
+        everywhere = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+        lane = self.builder.insert_element(empty, number, first)
+        return Lanes(self.builder, self.builder.shuffle_vector(lane, empty, everywhere))
+
+
+def on_lanes(function: Callable[..., None], numbers: bool = False) -> Any:
+    """Return a kernel that runs a function of the rows of a lane array.
 
     Args:
-        function: reads and writes `rows[number]`.
+        function: reads and writes `rows[number]`; with `numbers`, its second argument gives the same number in all lanes.
+        numbers: True if the kernel takes an array of numbers beside the lane array.
 
     Returns:
-        A function (lanes) to call in compiled kernels.
+        A function (lanes) or (lanes, array) to call in compiled kernels.
     """
     if not COMPILED:
 
-        def run(lanes: Any) -> None:
+        def run(lanes: Any, *array: Any) -> None:
             """Run the function on numpy arrays.
 
             Args:
                 lanes: the lane array.
+                array: the array of numbers, if it is taken.
             """
             with np.errstate(all="ignore"):
-                function(NumpyRows(lanes))
+                function(NumpyRows(lanes), *array)
 
         return run
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        """Add the function's instructions to the calling kernel.
+
+        Args:
+            context, builder, signature, args: as numba passes them.
+        """
+        data = [context.make_array(kind)(context, builder, x).data for kind, x in zip(signature.args, args, strict=True)]
+        function(_CompiledRows(builder, data[0]), *(_CompiledNumbers(builder, x) for x in data[1:]))
+        return context.get_dummy_value()
 
     def lower(typing_context: Any, lanes: Any) -> Any:
         """Return the kernel's signature and its code generator.
@@ -210,16 +236,15 @@ def on_lanes(function: Callable[[Any], None]) -> Any:
             typing_context: unused; numba passes it to every intrinsic.
             lanes: type of the lane array.
         """
-
-        def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            """Add the function's instructions to the calling kernel.
-
-            Args:
-                context, builder, signature, args: as numba passes them.
-            """
-            function(_CompiledRows(builder, context.make_array(signature.args[0])(context, builder, args[0]).data))
-            return context.get_dummy_value()
-
         return types.void(lanes), codegen
 
-    return intrinsic(lower)
+    def lower_with_numbers(typing_context: Any, lanes: Any, array: Any) -> Any:
+        """Return the kernel's signature and its code generator.
+
+        Args:
+            typing_context: unused; numba passes it to every intrinsic.
+            lanes, array: types of the lane array and of the array of numbers.
+        """
+        return types.void(lanes, array), codegen
+
+    return intrinsic(lower_with_numbers if numbers else lower)

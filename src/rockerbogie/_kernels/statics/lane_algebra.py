@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..jit.vectors import larger, root
+from ..jit.vectors import larger, root, smaller, where
 
 PIVOT = 1e-14  # smallest pivot, of its diagonal element
 
@@ -67,3 +67,49 @@ def solve(m: list[list[Any]], over: list[Any], x: list[Any]) -> list[Any]:
                 y[i] = y[i] - m[k][i] * y[k]
         y[i] = y[i] * over[i]
     return y
+
+
+def solve_pivoted(a: list[list[Any]], b: list[Any], pivot: float) -> tuple[list[Any], Any]:
+    """Return the solution of a x = b by elimination with row pivoting in each lane.
+
+    Args:
+        a: (n, n) rows.
+        b: (n,) right-hand side.
+        pivot: smallest pivot of a regular matrix, of its largest element.
+
+    Returns:
+        x, and flags that are set where the matrix is regular.
+    """
+    size, rows = len(b), [[*row, x] for row, x in zip(a, b, strict=True)]
+    largest, least = b[0] * 0.0, b[0] * 0.0 + 1e300
+    for row in a:
+        for element in row:
+            largest = larger(largest, magnitude(element))
+    for k in range(size):
+        for i in range(k + 1, size):
+            swap = magnitude(rows[i][k]) > magnitude(rows[k][k])
+            for j in range(k, size + 1):
+                rows[k][j], rows[i][j] = where(swap, rows[i][j], rows[k][j]), where(swap, rows[k][j], rows[i][j])
+        least = smaller(least, magnitude(rows[k][k]))
+        over = 1.0 / rows[k][k]
+        for i in range(k + 1, size):
+            part = rows[i][k] * over
+            for j in range(k + 1, size + 1):
+                rows[i][j] = rows[i][j] - part * rows[k][j]
+        rows[k][k] = over
+    x: list[Any] = [None] * size
+    for k in range(size - 1, -1, -1):
+        total = rows[k][size]
+        for j in range(k + 1, size):
+            total = total - rows[k][j] * x[j]
+        x[k] = total * rows[k][k]
+    return x, least > pivot * largest
+
+
+def magnitude(x: Any) -> Any:
+    """Return absolute values.
+
+    Args:
+        x: lanes.
+    """
+    return larger(x, -x)

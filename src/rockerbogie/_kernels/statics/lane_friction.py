@@ -13,36 +13,32 @@ from numpy.typing import NDArray
 
 from ..jit.decorators import njit
 from ..jit.vectors import LANES
-from ..model.wheel import AX, AY, AZ
 from .balance import EQUATIONS as BALANCE_EQUATIONS
-from .balance import axle_torque
 from .lane_problem import (
     CENTRE,
     CENTRE_STEPS,
     Block,
     is_central,
-    load_contacts,
     new_block,
     power,
-    set_problem,
-    set_weight,
+    set_force,
     start,
-    touches_belly,
+    take_pose,
     vector,
 )
-from .lane_rows import BALANCE, EQUATIONS, LIMITS, PROBLEM, RESULT, STATE, WHEEL
+from .lane_rows import BALANCE, EQUATIONS, LIMITS, LINK, PROBLEM, RESULT, STATE, WHEEL
 from .primal_dual import balance_step, friction_step
 
 Array = NDArray[np.float64]
 
-GAP = 1e-8  # power of all forces at the end: the error of μ is about this
+GAP = 1e-8  # power of all forces at the end, by default: the error of μ is about this
 STEPS = 60  # for one pose
 LOST = 1e-3  # share of a step below which the path is lost
 WIDEST = 64.0  # largest friction coefficient tried
 STEEP, ABOVE = 1.3, 0.05  # first friction coefficient: STEEP times the contacts' mean slope, and ABOVE
 LEAST_COSINE = 0.05  # of a contact's slope in it
 PROOF = 1.5  # of the power v·b: work that the proof takes from the motion
-PROVED = 1e-6  # largest gap between the least friction found and its bound
+PROVED = 100.0  # of that power: largest gap between the least friction found, or 1, and its bound
 ROUNDING = 1e-9  # taken from a proved coefficient, for the rounding of velocities and power
 UNSOLVED = 255
 
@@ -50,34 +46,32 @@ UNSOLVED = 255
 @njit
 def friction_batch(
     rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, stops: NDArray[np.int8],
-    belly_point: Array, field: Array, drawbar: Array,
+    belly_point: Array, field: Array, drawbar: Array, gap: float,
     force: Array, torque: Array, required: Array, bound: Array, limit: Array, belly: Array, status: NDArray[np.uint8],
     solved: int, first: int, last: int,
 ) -> None:  # fmt: skip
     """Fill the contact forces of least friction of each pose that the lanes solve.
 
     Args:
-        rover, yaw, steering, q, point, normal, stops, belly_point, field, drawbar: as for `loads.loads_batch`.
+        rover, yaw, steering, q, point, normal, stops, belly_point, field, drawbar, gap: as for `loads.loads_batch`.
         force, torque, required, bound, limit, belly: filled as by `loads.loads_batch` where solved.
         status: (n,) filled with `solved`, or UNSOLVED.
         solved: status of a pose that is solved.
         first, last: range of poses.
     """
-    t = new_block()
+    t = new_block(rover, first)
     lanes = t.lanes
     low, high, began = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
-    k, busy = first, 0
+    status[first:last] = UNSOLVED
+    busy = 0
     while True:
         for l in range(LANES):
-            while t.pose[l] < 0 and k < last:
-                status[k] = UNSOLVED
-                mu = _load(t, l, k, rover, yaw, steering, q, point, normal, stops, belly_point, field, drawbar)
-                if mu > 0.0:
-                    low[l], high[l], began[l] = 0.0, WIDEST, mu
-                    t.pose[l], t.steps[l] = k, 0
-                    start(t, l, mu, 0.0)
+            if t.pose[l] < 0:
+                k = take_pose(t, l, rover, yaw, steering, q, point, normal, stops, belly_point, first, last)
+                if k >= 0:
+                    low[l], high[l], began[l] = 0.0, WIDEST, set_balance(t, l, field, drawbar)
+                    start(t, l, began[l], 0.0)
                     busy += 1
-                k += 1
         if busy == 0:
             break
         friction_step(lanes)
@@ -91,9 +85,9 @@ def friction_batch(
                     _free(t, l)
                 elif t.steps[l] - t.first[l] >= CENTRE_STEPS:
                     low[l], lost = began[l], True
-            elif lanes[RESULT.gap * LANES + l] < GAP:
+            elif lanes[RESULT.gap * LANES + l] < gap:
                 done = True
-                _finish(t, l, rover, point, field, drawbar, force, torque, required, bound, limit, belly, status, solved)
+                _finish(t, l, field, gap, force, torque, required, bound, limit, belly, status, solved)
             elif not lanes[RESULT.bowed * LANES + l] > 0.0 or not lanes[RESULT.alpha * LANES + l] > LOST:
                 high[l], lost = began[l], True
             if lost and not done:
@@ -106,39 +100,32 @@ def friction_batch(
 
 
 @njit
-def _load(
-    t: Block, l: int, k: int, rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array,
-    stops: NDArray[np.int8], belly_point: Array, field: Array, drawbar: Array,
-) -> float:  # fmt: skip
-    """Load a pose into a lane.
+def set_balance(t: Block, l: int, field: Array, drawbar: Array) -> float:
+    """Set the forces to balance in a lane.
 
     Args:
         t: work arrays.
         l: lane.
-        k: pose.
-        rover, yaw, steering, q, point, normal, stops, belly_point, field, drawbar: as for `friction_batch`.
+        field, drawbar: as for `friction_batch`.
 
     Returns:
-        Friction coefficient to start from; 0 if the lanes cannot solve the pose.
+        Friction coefficient to start from.
     """
-    if touches_belly(belly_point[k if belly_point.shape[0] > 1 else 0]):
-        return 0.0
-    row = k if steering.shape[0] > 1 else 0
-    if not load_contacts(t, l, rover, yaw[k], steering[row], q[k], point[k], normal[k], stops[k]):
-        return 0.0
+    lanes, k = t.lanes, t.pose[l]
     row = k if field.shape[0] > 1 else 0
     gx, gy, gz = field[row, 0], field[row, 1], field[row, 2]
     g = math.sqrt(gx * gx + gy * gy + gz * gz)
-    set_weight(t, l, rover, gx, gy, gz)
-    pull = drawbar[k if drawbar.shape[0] > 1 else 0]
+    gx, gy, gz = gx / g, gy / g, gz / g
+    set_force(t, l, PROBLEM.b, -gx, -gy, -gz, 0.0)
+    pull = drawbar[k if drawbar.shape[0] > 1 else 0] / (t.mass * g)
     for n in range(3):
-        t.column[n] -= pull * t.axes[l, 0, n]
-    set_problem(t, l, 0.0, -1.0 / (t.mass[l] * g))
-    t.lanes[(PROBLEM.limit + 3) * LANES + l] = 0.0
+        lanes[(PROBLEM.b + BALANCE[n]) * LANES + l] += pull * lanes[(LINK.forward + n) * LANES + l]
+    lanes[(PROBLEM.limit + 3) * LANES + l] = 0.0
     slope = 0.0
     for i in range(6):
-        if not math.isnan(point[k, i, 0]):
-            cosine = -(gx * normal[k, i, 0] + gy * normal[k, i, 1] + gz * normal[k, i, 2]) / g
+        if lanes[(WHEEL.on + i) * LANES + l] > 0.0:
+            nx, ny, nz = vector(lanes, WHEEL.normal, i, l)
+            cosine = -(gx * nx + gy * ny + gz * nz)
             slope += math.sqrt(max(1.0 - cosine * cosine, 0.0)) / max(cosine, LEAST_COSINE)
     return STEEP * slope / t.contacts[l] + ABOVE
 
@@ -170,27 +157,40 @@ def _free(t: Block, l: int) -> None:
 
 
 @njit
-def _proved(t: Block, l: int) -> float:
-    """Return a friction coefficient proved too small (docs/forces.md), 0 if there is no proof.
+def _shifted_motion(t: Block, l: int, v: Array) -> None:
+    """Fill v with the motion of the last step, shifted so that gravity works in it.
 
-    The motion of the last step is shifted so that gravity works in it, at the least cost to what the contacts can spare.
+    The shift costs the contacts least of what they can spare.
 
     Args:
         t: work arrays.
         l: lane.
+        v: (9,) filled.
     """
     lanes = t.lanes
-    v, work, size = np.empty(EQUATIONS), 0.0, 0.0
+    work, size = 0.0, 0.0
     for n in range(BALANCE_EQUATIONS):
         b = lanes[(PROBLEM.b + n) * LANES + l]
         work += b * lanes[(STATE.v + n) * LANES + l]
         size += b * lanes[(RESULT.proof + n) * LANES + l]
-    after = 0.0
     shift = PROOF * max(work, 0.0) / size
     for n in range(BALANCE_EQUATIONS):
         v[n] = lanes[(STATE.v + n) * LANES + l] - shift * lanes[(RESULT.proof + n) * LANES + l]
-        after += v[n] * lanes[(PROBLEM.b + n) * LANES + l]
-    good = after < 0.0
+
+
+@njit
+def proved(t: Block, l: int, v: Array) -> float:
+    """Return the friction coefficient that a motion proves too small, or 0 (docs/forces.md).
+
+    Args:
+        t: work arrays.
+        l: lane.
+        v: (9,) virtual motion.
+    """
+    lanes, work = t.lanes, 0.0
+    for n in range(BALANCE_EQUATIONS):
+        work += v[n] * lanes[(PROBLEM.b + n) * LANES + l]
+    good = work < 0.0
     for j in range(3):
         if lanes[(PROBLEM.limit + j) * LANES + l] > 0.0:
             good &= lanes[(PROBLEM.sign + j) * LANES + l] * v[LIMITS[j]] >= 0.0
@@ -214,7 +214,7 @@ def _proved(t: Block, l: int) -> float:
 
 @njit
 def _finish(
-    t: Block, l: int, rover: Array, point: Array, field: Array, drawbar: Array,
+    t: Block, l: int, field: Array, gap: float,
     force: Array, torque: Array, required: Array, bound: Array, limit: Array, belly: Array, status: NDArray[np.uint8],
     solved: int,
 ) -> None:  # fmt: skip
@@ -223,33 +223,62 @@ def _finish(
     Args:
         t: work arrays.
         l: lane.
-        rover, point, field, drawbar, force, torque, required, bound, limit, belly, status, solved: as for `friction_batch`.
+        field, gap, force, torque, required, bound, limit, belly, status, solved: as for `friction_batch`.
+    """
+    v = np.empty(BALANCE_EQUATIONS)
+    _shifted_motion(t, l, v)
+    below = proved(t, l, v)
+    if is_proved(t.lanes[STATE.mu * LANES + l], below, gap):
+        balance_step(t.lanes)
+        store_forces(t, l, field, below, force, torque, required, bound, limit, belly)
+        status[t.pose[l]] = solved
+
+
+@njit
+def is_proved(mu: float, below: float, gap: float) -> bool:
+    """Return True if a friction coefficient is proved minimal.
+
+    Args:
+        mu: the coefficient.
+        below: coefficient proved too small.
+        gap: as for `friction_batch`.
+    """
+    return mu - below < PROVED * gap * max(1.0, mu)
+
+
+@njit
+def store_forces(
+    t: Block, l: int, field: Array, below: float, force: Array, torque: Array, required: Array, bound: Array, limit: Array,
+    belly: Array,
+) -> None:  # fmt: skip
+    """Fill the results of a lane from its balanced forces.
+
+    Args:
+        t: work arrays.
+        l: lane.
+        below: coefficient proved too small.
+        field, force, torque, required, bound, limit, belly: as for `friction_batch`.
     """
     lanes, k = t.lanes, t.pose[l]
-    below = _proved(t, l)
-    if not lanes[STATE.mu * LANES + l] - below < PROVED:
-        return
     row = k if field.shape[0] > 1 else 0
-    weight = t.mass[l] * math.sqrt(field[row, 0] ** 2 + field[row, 1] ** 2 + field[row, 2] ** 2)
-    balance_step(lanes)
+    weight = t.mass * math.sqrt(field[row, 0] ** 2 + field[row, 1] ** 2 + field[row, 2] ** 2)
+    moment = weight * lanes[LINK.reach * LANES + l]
     used = 0.0
     force[k] = torque[k] = limit[k] = belly[k] = 0.0
     for i in range(6):
         if lanes[(WHEEL.on + i) * LANES + l] == 0.0:
             continue
-        w = t.wheels[l, i]
         fx, fy, fz = vector(lanes, RESULT.force, i, l)
         nx, ny, nz = vector(lanes, WHEEL.normal, i, l)
-        tx, ty, tz = w[AY] * nz - w[AZ] * ny, w[AZ] * nx - w[AX] * nz, w[AX] * ny - w[AY] * nx
-        size = math.sqrt(tx * tx + ty * ty + tz * tz)
-        tx, ty, tz = tx / size, ty / size, tz / size
+        tx, ty, tz = vector(lanes, WHEEL.heading, i, l)
+        ax, ay, az = vector(lanes, WHEEL.turn, i, l)
         n, along = nx * fx + ny * fy + nz * fz, tx * fx + ty * fy + tz * fz
         side = (ny * tz - nz * ty) * fx + (nz * tx - nx * tz) * fy + (nx * ty - ny * tx) * fz
         used = max(used, math.sqrt(along * along + side * side) / n)
         force[k, i, 0], force[k, i, 1], force[k, i, 2] = n * weight, along * weight, side * weight
-        torque[k, i] = axle_torque(w, point[k, i], fx * weight, fy * weight, fz * weight)
+        torque[k, i] = (ax * fx + ay * fy + az * fz) * moment
     for j in range(3):
         if lanes[(PROBLEM.limit + j) * LANES + l] > 0.0:
             push = lanes[(RESULT.y + j) * LANES + l] * lanes[(PROBLEM.sign + j) * LANES + l]
-            limit[k, j] = push * weight * t.reach[l]
-    required[k], bound[k], status[k] = used, max(min(below, used) - ROUNDING, 0.0), solved
+            limit[k, j] = push * moment
+    required[k], bound[k] = used, max(min(below, used) - ROUNDING, 0.0)

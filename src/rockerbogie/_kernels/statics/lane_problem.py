@@ -8,13 +8,30 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import inlined, njit
 from ..jit.vectors import LANES
-from ..model.linkage import ROCKER, Z, forward_kinematics, right_rocker, set_hub_offsets
-from ..model.wheel import WHEEL_SIZE
-from .balance import EQUATIONS as BALANCE_EQUATIONS
-from .balance import weight_column
-from .lane_rows import BALANCE, BOUND, EQUATIONS, PROBLEM, RESULT, ROWS, STATE, WHEEL
+from .lane_pose import load_poses, rover_mass
+from .lane_rows import (
+    BOGIE_LEFT,
+    BOGIE_RIGHT,
+    BOUND,
+    EQUATIONS,
+    LINK,
+    LOADED,
+    OX,
+    OY,
+    OZ,
+    POSE_ROWS,
+    PROBLEM,
+    RESULT,
+    ROCKER_RATE,
+    ROWS,
+    STATE,
+    VX,
+    VY,
+    VZ,
+    WHEEL,
+)
 
 Array = NDArray[np.float64]
 
@@ -29,14 +46,9 @@ class Block(NamedTuple):
     """Work arrays of a block of poses."""
 
     lanes: Array  # (ROWS LANES,) the lane array
-    hub_offsets: Array  # (6, 5) as `linkage.set_hub_offsets` fills them
-    q: Array  # (6,) pose with the body's origin at height 0
-    axes: Array  # (LANES, 3, 3) the body's directions in the world, one a row
-    pivots: Array  # (4, 3) rocker pivots, then bogie pivots, from the body's origin, m
-    wheels: Array  # (LANES, 6, WHEEL_SIZE) wheels with the body's origin at (0, 0, 0)
-    column: Array  # (9,) generalized force
-    reach: Array  # (LANES,) the farthest contact's distance, m
-    mass: Array  # (LANES,) kg
+    loaded: Array  # (POSE_ROWS LANES,) lane array of the poses that are loaded, but not yet in a lane
+    queue: NDArray[np.int64]  # (4,) FIRST, COUNT and NEXT of `loaded`, and AFTER, the pose to load then
+    mass: float  # of the rover, kg
     contacts: NDArray[np.int64]  # (LANES,) number of wheels in contact
     pose: NDArray[np.int64]  # (LANES,) index of the pose, -1: the lane is idle
     steps: NDArray[np.int64]  # (LANES,) steps taken for this pose
@@ -44,110 +56,99 @@ class Block(NamedTuple):
     on_path: NDArray[np.bool_]  # (LANES,) the central point is found
 
 
+FIRST, COUNT, NEXT, AFTER = range(4)
+
+
 @njit
-def new_block() -> Block:
-    """Return empty work arrays."""
-    lanes = np.zeros(ROWS * LANES)
+def new_block(rover: Array, first: int) -> Block:
+    """Return work arrays.
+
+    Args:
+        rover: (P_SIZE,) the packed rover.
+        first: the first pose to load.
+    """
+    queue = np.zeros(4, np.int64)
+    queue[AFTER] = first
     return Block(
-        lanes, np.empty((6, 5)), np.empty(6), np.empty((LANES, 3, 3)), np.empty((4, 3)), np.empty((LANES, 6, WHEEL_SIZE)),
-        np.empty(BALANCE_EQUATIONS), np.empty(LANES), np.empty(LANES), np.zeros(LANES, np.int64), np.full(LANES, -1),
-        np.zeros(LANES, np.int64), np.zeros(LANES, np.int64), np.zeros(LANES, np.bool_),
+        np.zeros(ROWS * LANES), np.zeros(POSE_ROWS * LANES), queue, rover_mass(rover), np.zeros(LANES, np.int64),
+        np.full(LANES, -1), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64), np.zeros(LANES, np.bool_),
     )  # fmt: skip
 
 
 @njit
-def load_contacts(
-    t: Block, l: int, rover: Array, yaw: float, steering: Array, q: Array, point: Array, normal: Array, stops: NDArray[np.int8]
-) -> bool:
-    """Fill contacts, limits and mass of a lane.
+def take_pose(
+    t: Block, l: int, rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, stops: NDArray[np.int8],
+    belly_point: Array, first: int, last: int,
+) -> int:  # fmt: skip
+    """Take the next pose with a contact, and none under its body, into a lane.
 
     Args:
         t: work arrays.
         l: lane.
-        rover: (P_SIZE,) the packed rover.
-        yaw: rad.
-        steering: (6,) rad.
-        q: (6,) pose.
-        point, normal: (6, 3) contact points from the body's origin, m, NaN where a wheel is off the ground, and unit normals.
-        stops: (3,) -1 or 1 where rocker, left or right bogie is at its low or high limit, else 0.
+        rover, yaw, steering, q, point, normal, stops, belly_point: as for `loads.loads_batch`.
+        first, last: range of poses.
 
     Returns:
-        False if there is no pose or no contact.
+        Its index; -1 if there is none.
     """
-    if math.isnan(q[Z]):
-        return False
-    t.q[:] = q
-    t.q[Z] = 0.0
-    set_hub_offsets(rover, steering, t.hub_offsets)
-    axes, wheels, lanes = t.axes[l], t.wheels[l], t.lanes
-    if not forward_kinematics(rover, t.hub_offsets, 0.0, 0.0, math.cos(yaw), math.sin(yaw), t.q, axes, t.pivots, wheels):
-        return False
-    _, slope = right_rocker(rover, t.q[ROCKER])
-    reach, contacts = 0.0, 0
-    for i in range(6):
-        if not math.isnan(point[i, 0]):
-            reach = max(reach, max(abs(point[i, 0]), abs(point[i, 1])))
-            contacts += 1
-    if contacts == 0:
-        return False
-    t.reach[l], t.contacts[l], over = reach, contacts, 1.0 / reach
-    ax, ay, az = axes[1, 0], axes[1, 1], axes[1, 2]
-    for i in range(6):
-        on = not math.isnan(point[i, 0])
-        for r in range(12):
-            lanes[(WHEEL.normal + 6 * r + i) * LANES + l] = 0.0
-        lanes[(WHEEL.on + i) * LANES + l] = 1.0 if on else 0.0
-        lanes[(WHEEL.normal + 12 + i) * LANES + l] = 1.0
-        if not on:
-            continue
-        for c in range(3):
-            lanes[(WHEEL.normal + 6 * c + i) * LANES + l] = normal[i, c]
-            lanes[(WHEEL.point + 6 * c + i) * LANES + l] = over * point[i, c]
-        for level in range(2 if i > 1 else 1):
-            start, base = (WHEEL.rocker, i % 2) if level == 0 else (WHEEL.bogie, 2 + i % 2)
-            rate = over * slope if level == 0 and i % 2 == 1 else over
-            x, y, z = point[i, 0] - t.pivots[base, 0], point[i, 1] - t.pivots[base, 1], point[i, 2] - t.pivots[base, 2]
-            lanes[(start + i) * LANES + l] = rate * (ay * z - az * y)
-            lanes[(start + 6 + i) * LANES + l] = rate * (az * x - ax * z)
-            lanes[(start + 12 + i) * LANES + l] = rate * (ax * y - ay * x)
-    limits = 0
+    lanes, loaded, queue = t.lanes, t.loaded, t.queue
+    while True:
+        if queue[NEXT] == queue[COUNT]:
+            if queue[AFTER] >= last:
+                return -1
+            queue[FIRST], queue[COUNT], queue[NEXT] = queue[AFTER], min(LANES, last - queue[AFTER]), 0
+            queue[AFTER] += queue[COUNT]
+            fresh = queue[FIRST] == first
+            load_poses(loaded, rover, yaw, steering, q, point, normal, stops, queue[FIRST], queue[COUNT], fresh)
+        m, k = queue[NEXT], queue[FIRST] + queue[NEXT]
+        queue[NEXT] += 1
+        if loaded[LINK.contacts * LANES + m] > 0.0 and not touches_belly(belly_point[k if belly_point.shape[0] > 1 else 0]):
+            break
+    for r in range(LOADED):
+        lanes[r * LANES + l] = loaded[r * LANES + m]
+    cones = 1.0 + lanes[LINK.contacts * LANES + l]
     for j in range(3):
-        lanes[(PROBLEM.limit + j) * LANES + l] = 1.0 if stops[j] != 0 else 0.0
-        lanes[(PROBLEM.sign + j) * LANES + l] = -1.0 * stops[j]
-        limits += 1 if stops[j] != 0 else 0
+        lanes[(PROBLEM.limit + j) * LANES + l] = lanes[(LINK.stop + j) * LANES + l]
+        lanes[(PROBLEM.sign + j) * LANES + l] = lanes[(LINK.way + j) * LANES + l]
+        cones += lanes[(LINK.stop + j) * LANES + l]
     lanes[(PROBLEM.limit + 3) * LANES + l] = lanes[(PROBLEM.sign + 3) * LANES + l] = 1.0
-    lanes[PROBLEM.cones * LANES + l] = 1.0 + contacts + limits
-    return True
+    lanes[PROBLEM.cones * LANES + l] = cones
+    t.contacts[l], t.pose[l], t.steps[l] = int(lanes[LINK.contacts * LANES + l]), k, 0
+    return k
 
 
 @njit
-def set_weight(t: Block, l: int, rover: Array, gx: float, gy: float, gz: float) -> None:
-    """Fill `column` with the generalized force of gravity on the links, and set the mass.
-
-    Args:
-        t: work arrays, as `load_contacts` leaves them.
-        l: lane.
-        rover: (P_SIZE,) the packed rover.
-        gx, gy, gz: gravity less the rover's acceleration, m/s².
-    """
-    t.mass[l] = weight_column(rover, t.hub_offsets, t.q, t.axes[l], t.pivots, gx, gy, gz, t.column)
-    for n in range(3, BALANCE_EQUATIONS):
-        t.column[n] /= t.reach[l]
-
-
-@njit
-def set_problem(t: Block, l: int, bound: float, size: float) -> None:
-    """Set the generalized force to balance to `column` times a number.
+def set_force(t: Block, l: int, at: int, gx: float, gy: float, gz: float, bound: float) -> None:
+    """Set a generalized force to that of gravity on all links, of the weight.
 
     Args:
         t: work arrays.
         l: lane.
-        bound: bound of the sum of the normal forces, of the weight.
-        size: the number.
+        at: PROBLEM.b or PROBLEM.e.
+        gx, gy, gz: gravity, as a direction.
+        bound: bound of the sum of the normal forces.
     """
-    for n in range(BALANCE_EQUATIONS):
-        t.lanes[(PROBLEM.b + BALANCE[n]) * LANES + l] = size * t.column[n]
-    t.lanes[(PROBLEM.b + BOUND) * LANES + l] = bound
+    lanes = t.lanes
+    x, y, z = lanes[LINK.centre * LANES + l], lanes[(LINK.centre + 1) * LANES + l], lanes[(LINK.centre + 2) * LANES + l]
+    lanes[(at + BOGIE_LEFT) * LANES + l] = _power(lanes, l, LINK.bogie_left, gx, gy, gz)
+    lanes[(at + BOGIE_RIGHT) * LANES + l] = _power(lanes, l, LINK.bogie_right, gx, gy, gz)
+    lanes[(at + ROCKER_RATE) * LANES + l] = _power(lanes, l, LINK.rocker, gx, gy, gz)
+    lanes[(at + VX) * LANES + l], lanes[(at + VY) * LANES + l], lanes[(at + VZ) * LANES + l] = gx, gy, gz
+    lanes[(at + OX) * LANES + l], lanes[(at + OY) * LANES + l] = y * gz - z * gy, z * gx - x * gz
+    lanes[(at + OZ) * LANES + l], lanes[(at + BOUND) * LANES + l] = x * gy - y * gx, bound
+
+
+@inlined
+def _power(lanes: Array, l: int, at: int, gx: float, gy: float, gz: float) -> float:
+    """Return the power of gravity on all links, of the weight, at unit rate of a joint.
+
+    Args:
+        lanes: the lane array.
+        l: lane.
+        at: LINK.rocker, LINK.bogie_left or LINK.bogie_right.
+        gx, gy, gz: gravity, as a direction.
+    """
+    return lanes[at * LANES + l] * gx + lanes[(at + 1) * LANES + l] * gy + lanes[(at + 2) * LANES + l] * gz
 
 
 @njit

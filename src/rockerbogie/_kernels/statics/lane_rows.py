@@ -9,14 +9,28 @@ Generalized velocities and forces have the order BOGIE_LEFT ... BOUND here; mome
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
+
+from ..jit.rows import place_rows
 
 BOGIE_LEFT, BOGIE_RIGHT, ROCKER_RATE, VX, VY, VZ, OX, OY, OZ, BOUND = range(10)
 EQUATIONS = 10  # nine of the balance, then the bound of the sum of normal forces
 BALANCE = (VX, VY, VZ, OX, OY, OZ, ROCKER_RATE, BOGIE_LEFT, BOGIE_RIGHT)  # row of each equation of `balance`
 LIMITS = (ROCKER_RATE, BOGIE_LEFT, BOGIE_RIGHT, BOUND)  # equation of each force that cannot be negative
 
-Rows = TypeVar("Rows", bound=tuple[int, ...])
+
+class LinkRows(NamedTuple):
+    """Masses and joints of a pose; lengths over the reach."""
+
+    forward: int = 3  # the body's x direction
+    centre: int = 3  # centre of mass
+    rocker: int = 3  # gravity's power at unit rate of the left rocker is the scalar product with this
+    bogie_left: int = 3  # the same of the left bogie
+    bogie_right: int = 3
+    reach: int = 1  # the farthest contact's distance, m
+    contacts: int = 1  # number of wheels in contact; 0 if there is no pose
+    stop: int = 3  # 1 where rocker, left or right bogie is at its limit, else 0
+    way: int = 3  # direction in which that limit pushes: 1 or -1, 0 without a limit
 
 
 class WheelRows(NamedTuple):
@@ -27,6 +41,35 @@ class WheelRows(NamedTuple):
     rocker: int = 18  # velocity of the point at unit rate of the left rocker
     bogie: int = 18  # velocity of the point at unit rate of its bogie
     on: int = 6  # 1; 0 for a wheel off the ground
+    heading: int = 18  # unit vector along which the wheel rolls
+    turn: int = 18  # motor torque against a force is the scalar product with this, over the reach
+
+
+class PoseRows(NamedTuple):
+    """Pose as the linkage takes it; angles in rad, lengths in m."""
+
+    yaw: int = 1
+    roll: int = 1
+    pitch: int = 1
+    rocker: int = 2  # left, right
+    rate: int = 1  # derivative of the right rocker angle by the left one
+    bogie: int = 2
+    hub: int = 18  # hub from its pivot, in the frame of its link
+    steer: int = 12  # cos of the steering angles of all wheels, then sin
+    point: int = 18  # contact point from the body's origin; 0 for a wheel off the ground
+
+
+class LawRows(NamedTuple):
+    """Forces of a law; of the weight."""
+
+    field: int = 3  # direction of gravity less the rover's acceleration
+    pull: int = 1  # drawbar pull
+    b: int = EQUATIONS - 1  # generalized force to balance
+    force: int = 18  # normal force of all wheels, then traction, side force
+    torque: int = 6  # motor torques over the reach
+    used: int = 1  # largest ratio of tangential to normal force
+    least: int = 1  # least normal force
+    solved: int = 1  # 1 if the law determines the forces, else 0
 
 
 class ProblemRows(NamedTuple):
@@ -39,6 +82,22 @@ class ProblemRows(NamedTuple):
     cones: int = 1  # number of cones
     free: int = 1  # 1: the objective counts; 0: the step goes to the central point of power `target`
     target: int = 1  # power of each cone, force times velocity
+
+
+class RayRows(NamedTuple):
+    """Ray of gravity's turn in one azimuth, and the bounds of its end."""
+
+    x: int = 1  # the azimuth's direction
+    y: int = 1
+    far: int = 1  # tangent at which the ray ends
+    px: int = 1  # velocity of the centre of mass in the virtual motion
+    py: int = 1
+    pz: int = 1
+    size: int = 1  # horizontal part of it
+    height: int = 1  # the half-plane is x px + y py <= height
+    ahead: int = 1  # horizontal part along the ray
+    gap: int = 1  # tangent at the half-plane less that of the forces found
+    news: int = 1  # 1 if the bounds are worth a look
 
 
 class StateRows(NamedTuple):
@@ -66,23 +125,11 @@ class ResultRows(NamedTuple):
     y: int = 4  # forces LIMITS likewise
 
 
-def _place(kind: type[Rows], start: int) -> tuple[Rows, int]:
-    """Place the rows of a group one after another.
-
-    Args:
-        kind: class of the group.
-        start: its first row.
-
-    Returns:
-        The group, and the number after its last row.
-    """
-    starts = [start]
-    for size in kind._field_defaults.values():  # type: ignore[attr-defined]
-        starts.append(starts[-1] + size)
-    return kind(*starts[:-1]), starts[-1]  # type: ignore[arg-type]
-
-
-WHEEL, _end = _place(WheelRows, 0)
-PROBLEM, _end = _place(ProblemRows, _end)
-STATE, STATE_END = _place(StateRows, _end)
-RESULT, ROWS = _place(ResultRows, STATE_END)
+LINK, _end = place_rows(LinkRows, 0)
+WHEEL, LOADED = place_rows(WheelRows, _end)
+PROBLEM, _end = place_rows(ProblemRows, LOADED)
+STATE, STATE_END = place_rows(StateRows, _end)
+RESULT, _end = place_rows(ResultRows, STATE_END)
+RAY, ROWS = place_rows(RayRows, _end)
+POSE, POSE_ROWS = place_rows(PoseRows, LOADED)
+LAW, LAW_ROWS = place_rows(LawRows, POSE_ROWS)

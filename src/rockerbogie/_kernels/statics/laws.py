@@ -1,6 +1,7 @@
 """Contact forces under laws that make the balance determinate.
 
-Each law adds relations between the forces until there are as many unknowns as independent equations:
+Each law adds relations between the forces until there are as many unknowns as independent equations. Those of the first two are
+linear, and solved in `lane_laws`:
 
 - vertical: every contact force is parallel to gravity (less the acceleration): one unknown a wheel, six equations.
 - equal torque: all driven axles carry the same torque, side forces are those of six equal lateral springs
@@ -191,40 +192,14 @@ def spring_sides(columns: Array, forward: Array, k: int, matrix: Array, weight: 
 
 
 @njit
-def equal_torque(columns: Array, radius: Array, forward: Array, b: Array, f: Array) -> bool:
-    """Fill the forces of six wheels of the same axle torque, sides as of equal lateral springs.
-
-    Args:
-        columns: (6, 3, 9) generalized forces of unit contact forces.
-        radius: (6,) wheel radii, m.
-        forward: (6,) forward position of each contact, in any unit.
-        b: (9,) generalized force to balance.
-        f: (6, 3) filled, in the units of b.
-
-    Returns:
-        False if there is no unique solution.
-    """
-    a, x, one = np.empty((UNKNOWNS, UNKNOWNS)), b.copy(), np.ones(6)
-    for k in range(EQUATIONS):
-        a[k, 6] = 0.0
-        for i in range(6):
-            a[k, i] = columns[i, 0, k]
-            a[k, 6] += columns[i, 1, k] * radius[0] / radius[i]
-        spring_sides(columns, forward, k, a, one)
-    if not solve_linear(a, x, UNKNOWNS):
-        return False
-    for i in range(6):
-        f[i, 0], f[i, 1], f[i, 2] = x[i], x[6] * radius[0] / radius[i], x[7] + x[8] * forward[i]
-    return True
-
-
-@njit
 def equal_slip(columns: Array, forward: Array, b: Array, f: Array) -> bool:
     """Fill the forces of six wheels at equal slip: t = κ n, s = (λ + ω ξ) n.
 
     Args:
-        columns, forward, b: as for `equal_torque`.
-        f: (6, 3) the start of Newton's method, replaced by the solution.
+        columns: (6, 3, 9) generalized forces of unit contact forces.
+        forward: (6,) forward position of each contact, in any unit.
+        b: (9,) generalized force to balance.
+        f: (6, 3) in the units of b; its normal forces are the start of Newton's method, replaced by the solution.
 
     Returns:
         False if Newton's method does not converge.

@@ -7,15 +7,17 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import inlined, njit
 from ..model.ground import META_X, META_Y, META_Z, Ground
 from ..model.linkage import P_BOX, PITCH, ROLL, Z, body_axes
 from ..search.body_box import N_GAP, N_GX, N_GY, N_X, N_Y, N_Z, NEAR_SIZE, box_over_ground
 from .balance import EQUATIONS, axle_torque
 from .friction_path import HELD, UNHELD
 from .lane_friction import UNSOLVED, friction_batch
+from .lane_laws import law_batch
 from .lane_tipping import SOLVED, margin_batch
-from .laws import equal_slip, equal_torque, frictionless_sides, parallel_forces
+from .lane_widening import widen_batch
+from .laws import equal_slip, frictionless_sides, parallel_forces
 from .least_friction import least_friction, lower_bound
 from .mechanism import BELLY, EXTRA, ON_BELLY, assemble, gravity_column, new_mechanism
 from .tipping import force_angle, hold_margin
@@ -67,7 +69,7 @@ def belly_batch(
 @njit
 def loads_batch(
     rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, stops: NDArray[np.int8],
-    belly_point: Array, belly_normal: Array, field: Array, drawbar: Array, law: int,
+    belly_point: Array, belly_normal: Array, field: Array, drawbar: Array, law: int, gap: float,
     force: Array, torque: Array, required: Array, bound: Array, limit: Array, belly: Array, status: NDArray[np.uint8],
     start: int, stop: int,
 ) -> None:  # fmt: skip
@@ -84,6 +86,7 @@ def loads_batch(
         field: (n, 3) or (1, 3) gravity less the rover's acceleration in world axes, m/s².
         drawbar: (n,) or (1,) force that pulls the body backward along its x axis at its origin, N.
         law: LEAST_FRICTION, EQUAL_TORQUE, EQUAL_SLIP, FRICTIONLESS_SIDES or VERTICAL.
+        gap: power of all forces at which the search for the least friction ends: its error is about this.
         force: (n, 6, 3) filled with normal force, traction and side force, N; NaN without a balance.
         torque: (n, 6) filled with motor torques, N m, positive forward.
         required: (n,) filled with the friction coefficient that these forces use.
@@ -93,13 +96,28 @@ def loads_batch(
         status: (n,) filled with BALANCED, NO_POSE, NOT_HELD, PULLS, UNDETERMINED or NOT_CONVERGED.
         start, stop: range of poses.
     """
+    if law == VERTICAL or law == EQUAL_TORQUE:
+        for k in range(start, stop):
+            force[k] = torque[k] = limit[k] = required[k] = bound[k] = belly[k] = math.nan
+        law_batch(
+            rover, yaw, steering, q, point, normal, stops, belly_point, field, drawbar, law == EQUAL_TORQUE, PULL,
+            force, torque, required, status, (BALANCED, NO_POSE, PULLS, UNDETERMINED), start, stop,
+        )  # fmt: skip
+        for k in range(start, stop):
+            if status[k] == BALANCED:
+                limit[k] = belly[k] = 0.0
+        return
     m = new_mechanism()
     b, f, sizes = np.empty(EQUATIONS), np.zeros((6, 3)), np.zeros(6)
     y, v = np.zeros(EXTRA), np.zeros(EQUATIONS)
     if law == LEAST_FRICTION:
         friction_batch(
-            rover, yaw, steering, q, point, normal, stops, belly_point, field, drawbar,
+            rover, yaw, steering, q, point, normal, stops, belly_point, field, drawbar, gap,
             force, torque, required, bound, limit, belly, status, BALANCED, start, stop,
+        )  # fmt: skip
+        widen_batch(
+            rover, yaw, steering, q, point, normal, stops, belly_point, field, drawbar, gap,
+            force, torque, required, bound, limit, belly, status, BALANCED, NOT_HELD, start, stop,
         )  # fmt: skip
     for k in range(start, stop):
         if law == LEAST_FRICTION and status[k] != UNSOLVED:
@@ -137,20 +155,14 @@ def loads_batch(
                 code = NOT_CONVERGED
         elif more > 0 or (law != FRICTIONLESS_SIDES and count < 6):
             code = UNDETERMINED
-        elif law == EQUAL_TORQUE:
-            code = BALANCED if equal_torque(packed, m.radius, m.forward, b, f) else UNDETERMINED
         elif law == FRICTIONLESS_SIDES:
             code = BALANCED if frictionless_sides(packed, count, b, f) else UNDETERMINED
+        elif not parallel_forces(packed, count, packed_frame, gx, gy, gz, b, sizes):
+            code = UNDETERMINED
         else:
-            code = BALANCED if parallel_forces(packed, count, packed_frame, gx, gy, gz, b, sizes) else UNDETERMINED
-            if code == BALANCED:
-                g = math.sqrt(gx * gx + gy * gy + gz * gz)
-                for i in range(6):
-                    for c in range(3):
-                        part = -(gx * packed_frame[i, c, 0] + gy * packed_frame[i, c, 1] + gz * packed_frame[i, c, 2]) / g
-                        f[i, c] = part * sizes[i]
-                if law == EQUAL_SLIP and not equal_slip(packed, m.forward, b, f):
-                    code = NOT_CONVERGED
+            for i in range(6):
+                f[i, 0] = sizes[i] * upright(packed_frame[i, 0], gx, gy, gz)
+            code = BALANCED if equal_slip(packed, m.forward, b, f) else NOT_CONVERGED
         if code == BALANCED:
             for i in range(count):
                 if not f[i, 0] >= PULL:
@@ -180,10 +192,21 @@ def loads_batch(
         required[k] = used
 
 
+@inlined
+def upright(normal: Array, gx: float, gy: float, gz: float) -> float:
+    """Return the part along a contact normal of a unit force against gravity.
+
+    Args:
+        normal: (3,) unit normal.
+        gx, gy, gz: gravity less the acceleration, m/s².
+    """
+    return -(gx * normal[0] + gy * normal[1] + gz * normal[2]) / math.sqrt(gx * gx + gy * gy + gz * gz)
+
+
 @njit
 def stability_batch(
     rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, stops: NDArray[np.int8],
-    belly_point: Array, belly_normal: Array, friction: float,
+    belly_point: Array, belly_normal: Array, friction: float, tolerance: float,
     margin: Array, bound: Array, direction: Array, stays: NDArray[np.bool_], slides: NDArray[np.bool_], angle: Array,
     energy: Array, start: int, stop: int,
 ) -> None:  # fmt: skip
@@ -192,25 +215,30 @@ def stability_batch(
     Args:
         rover, yaw, steering, q, point, normal, stops, belly_point, belly_normal: as for `loads_batch`.
         friction: friction coefficient.
+        tolerance: largest difference of the margin's bounds, rad.
         margin: (n,) filled with the hold margin, rad; NaN without a pose.
         bound: (n,) filled with the turn up to which forces hold the pose in every azimuth, rad; NaN where it is not known.
         direction: (n,) filled with the azimuth in which the centre of mass then moves, rad.
         stays: (n, 6) filled with True for wheels that stay in place in that motion.
         slides: (n,) filled with True if no contact stays in place.
         angle, energy: (n,) filled with the force-angle measure and the energy margin of the rover as one rigid body, both
-            for a weight of 1 N: rad m, m.
+            for a weight of 1 N: rad m, m; (0,): not wanted.
         start, stop: range of poses.
     """
     m = new_mechanism()
     travel, way, status = np.empty((3, EQUATIONS)), np.empty(3), np.empty(margin.size, np.uint8)
     for k in range(start, stop):
-        margin[k] = bound[k] = direction[k] = angle[k] = energy[k] = math.nan
+        margin[k] = bound[k] = direction[k] = math.nan
         stays[k] = slides[k] = False
+        if angle.size > 0:
+            angle[k] = energy[k] = math.nan
     margin_batch(
-        rover, yaw, steering, q, point, normal, stops, belly_point, friction,
-        margin, bound, direction, stays, slides, status, start, stop,
+        rover, yaw, steering, q, point, normal, stops, belly_point, friction, tolerance,
+        margin, bound, direction, stays, slides, angle, energy, status, start, stop,
     )  # fmt: skip
     for k in range(start, stop):
+        if status[k] == SOLVED:
+            continue
         at = k if belly_point.shape[0] > 1 else 0
         count, more, reach = assemble(
             m, rover, yaw[k], steering[k if steering.shape[0] > 1 else 0], q[k], point[k], normal[k], stops[k],
@@ -224,13 +252,13 @@ def stability_batch(
             )
             for n in range(EQUATIONS):
                 travel[c, n] /= mass
-        if status[k] != SOLVED:
-            stays[k] = False
-            margin[k], slides[k] = hold_margin(m, count, more, travel, friction, way, stays[k])
-            direction[k] = math.nan
-            if 0.0 < margin[k] < 0.5 * math.pi:
-                direction[k] = math.atan2(way[1], way[0])
+        stays[k] = False
+        margin[k], slides[k] = hold_margin(m, count, more, travel, friction, way, stays[k])
+        direction[k] = math.nan
+        if 0.0 < margin[k] < 0.5 * math.pi:
+            direction[k] = math.atan2(way[1], way[0])
         # moments of a unit weight about the origin, (x, y, z) × (0, 0, 1) = (y, -x, 0), give the centre of mass but its height,
         # and those of a force along x give that: (x, y, z) × (1, 0, 0) = (0, z, -y)
-        cx, cy, cz = -travel[2, 4] * reach, travel[2, 3] * reach, travel[0, 4] * reach
-        angle[k], energy[k] = force_angle(point[k], cx, cy, cz)
+        if angle.size > 0:
+            cx, cy, cz = -travel[2, 4] * reach, travel[2, 3] * reach, travel[0, 4] * reach
+            angle[k], energy[k] = force_angle(point[k], cx, cy, cz)
