@@ -15,6 +15,7 @@ pytest.importorskip("viser", reason="viser is not installed: pip install '.[lab]
 import rockerbogie as rb
 from rockerbogie.lab.server import start_lab
 from support.browser import chromium, close_notes, drag, open_page, pixel_of, press, text_of, wait_for
+from support.lab_page import at_rest, check_numbers
 
 ROVER = rb.load_rover("osr")
 TERRAIN = rb.surfaces.rocks(k=0.1, seed=3, size=4.0, spacing=0.04)
@@ -28,7 +29,7 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def lab() -> Iterator[Any]:
-    lab = start_lab(ROVER, TERRAIN, shadows=False)
+    lab = start_lab(ROVER, TERRAIN, light=True)
     yield lab
     lab.stop()
 
@@ -44,32 +45,6 @@ def page(browser: Any, lab: Any) -> Any:
 def session(page: Any, lab: Any) -> Any:
     close_notes(page)
     return next(iter(lab.sessions.values()))
-
-
-def at_rest(session: Any) -> bool:
-    return session.state.target is None and not session._jobs and not session._moving()
-
-
-def shown(pose: rb.Pose) -> dict[str, str]:
-    """Return the texts that the page must show for a pose."""
-    angles = {
-        "roll": pose.roll,
-        "pitch": pose.pitch,
-        "rocker": pose.rocker,
-        "bogie_left": pose.bogie[0],
-        "bogie_right": pose.bogie[1],
-    }
-    texts = {key: f"{round(math.degrees(float(value)), 2) + 0.0:.2f}°" for key, value in angles.items()}
-    return texts | {"clearance": f"{float(pose.clearance):.3f} m", "status": rb.Status(int(pose.status)).name}
-
-
-def check_numbers(page: Any, session: Any) -> None:
-    """Compare the numbers in the page with `settle` at the position of the state."""
-    wait_for(lambda: at_rest(session), "the rover at rest")
-    state = session.state
-    expected = shown(rb.settle(state.rover, state.terrain, state.x, state.y, state.yaw, mode=state.mode))
-    for key, text in expected.items():
-        wait_for(lambda key=key, text=text: text_of(page, key) == text, f"{key} = {text}")
 
 
 def test_the_page_shows_the_settled_rover(page: Any, session: Any) -> None:
@@ -186,7 +161,7 @@ def test_an_uploaded_geotiff_becomes_the_terrain(page: Any, session: Any, tmp_pa
             close_notes(page)
     wait_for(lambda: session.state.terrain.name == "yard", "the uploaded terrain")
     assert session.state.terrain.crs is not None
-    assert session.state.x == pytest.approx(500003.5, abs=0.2)
+    wait_for(lambda: session.state.x == pytest.approx(500003.5, abs=0.2), "the rover at the centre of the map")
     check_numbers(page, session)
 
 

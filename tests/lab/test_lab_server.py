@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import base64
+import gzip
 import os
 import socket
+import urllib.request
 from collections.abc import Iterator
 from typing import Any
 
@@ -14,6 +16,7 @@ pytest.importorskip("viser", reason="viser is not installed: pip install '.[lab]
 
 import rockerbogie as rb
 from rockerbogie.cli import main
+from rockerbogie.lab.index_page import SCRIPT
 from rockerbogie.lab.server import free_port, limit_uploads, same_site, start_lab
 from rockerbogie.lab.uploads import MOST_BYTES
 
@@ -48,6 +51,17 @@ def test_only_the_page_itself_may_connect(lab: Any) -> None:
     assert " 403 " in ask(lab, host=f"evil.example:{port}", origin=f"http://evil.example:{port}")
     assert " 403 " in ask(lab, host="evil.example", upgrade=False)
     assert " 200 " in ask(lab, upgrade=False)
+
+
+def test_the_page_has_the_script_in_each_encoding(lab: Any) -> None:
+    for encoding in ("gzip", "identity"):
+        request = urllib.request.Request(lab.url, headers={"Accept-Encoding": encoding})
+        with urllib.request.urlopen(request, timeout=20) as response:
+            body = response.read()
+            assert response.headers["Content-Encoding"] == encoding
+        text = gzip.decompress(body) if encoding == "gzip" else body
+        assert text.count(SCRIPT) == 1
+        assert text.index(SCRIPT) < text.index(b"<script data-p"), "before viser's own script"
 
 
 def test_no_file_of_the_machine_is_served(lab: Any) -> None:

@@ -172,3 +172,20 @@ def test_normals_of_a_tube_are_round_and_of_a_box_flat() -> None:
     assert_close(normal[side], expected, 1e-9, "1", "outward from the axis")
     block = mesh.box((-1, -1, -1), (1, 1, 1))
     assert_close(np.abs(mesh.vertex_normals(*block)).max(axis=1), 1.0, 1e-12, "1", "along an axis")
+
+
+@pytest.mark.parametrize(("centre", "shape"), [((5.0, 5.0), (201, 401)), ((0.0, 20.0), (50, 900)), ((-3.0, 100.0), (30, 30))])
+def test_a_graded_grid_covers_the_map_and_is_dense_near_its_centre(centre, shape):
+    z = np.add.outer(np.linspace(0, 1, shape[0]), np.linspace(0, 2, shape[1]) ** 2)
+    terrain = rb.Terrain.from_array(z, (0.05, 0.1), interpolation="linear")
+    grid = terrain_mesh.graded_grid(terrain, centre, 1.0, 20)
+    xmin, ymin, xmax, ymax = terrain.bounds
+    assert (grid.x[0], grid.y[0], grid.x[-1], grid.y[-1]) == pytest.approx((xmin, ymin, xmax, ymax))
+    assert_close(grid.z, terrain.height(*np.meshgrid(grid.x, grid.y)), 1e-12, "m", "heights")
+    for axis, lines, spacing in ((0, grid.x, 0.05), (1, grid.y, 0.1)):
+        nodes = lines / spacing
+        assert_close(nodes, nodes.round(), 1e-9, "nodes", "lines on nodes")
+        assert len(lines) < 70
+        near = lines[np.abs(lines - centre[axis]) < 1.0]
+        if len(near) > 1:
+            assert np.diff(near).max() <= 0.1 + 1e-9

@@ -79,8 +79,13 @@ def pixel_of(session: Any, point: Any) -> tuple[float, float]:
 
 
 def press(page: Any, name: str) -> None:
-    """Press a button without the pointer, which waits for the browser to draw."""
-    page.get_by_role("button", name=name).dispatch_event("click")
+    """Press a button as soon as it is enabled, without the pointer.
+
+    The pointer of playwright would wait for the browser to draw.
+    """
+    button = page.get_by_role("button", name=name)
+    wait_for(button.is_enabled, f"the button {name!r} enabled")
+    button.dispatch_event("click")
 
 
 def drag(page: Any, start: tuple[float, float], end: tuple[float, float], steps: int = 6) -> None:

@@ -25,7 +25,7 @@ def lab(
     host: str = "127.0.0.1",
     port: int | None = None,
     browser: Annotated[bool, Parameter(name="--browser", negative="--no-browser")] = True,
-    shadows: Annotated[bool, Parameter(name="--shadows", negative="--no-shadows")] = True,
+    light: Annotated[bool, Parameter(name="--light", negative="")] = False,
     linear: Annotated[bool | None, Parameter(name="--linear", negative="--cubic")] = None,
     raster: Raster = None,
 ) -> int:
@@ -51,8 +51,8 @@ def lab(
         Default: the first free one from 8080.
     browser
         Open the page in the usual browser.
-    shadows
-        Draw shadows; leave them out for a browser without a graphics card.
+    light
+        Draw less: no shadows, coarser terrain. For a browser without a graphics card.
     linear
         Bilinear instead of bicubic interpolation.
     raster
@@ -64,7 +64,7 @@ def lab(
     machine, surface = load_rover(rover), load_terrain(terrain, linear, raster)
     page = start_lab(
         machine, surface, maps=_read_map(map_), run=_read_run(run), gravity=parse_gravity(gravity), host=host, port=port,
-        shadows=shadows,
+        light=light,
     )  # fmt: skip
     if host not in LOOPBACK:
         print(

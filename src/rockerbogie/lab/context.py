@@ -31,7 +31,7 @@ class Lab:
     run: xr.Dataset | None = None
     gravity: float = GRAVITY["earth"]
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    shadows: bool = True
+    light: bool = False
     sessions: dict[int, Any] = field(default_factory=dict)
     server: Any = None
     _heavy: threading.Semaphore = field(default_factory=lambda: threading.Semaphore(1))
@@ -78,6 +78,7 @@ class Visit(Protocol):
     state: LabState
     maps: xr.Dataset | None
     colour: str
+    light: bool
     ghost: RoverView
     terrain_view: TerrainView
     forces: ForcesView

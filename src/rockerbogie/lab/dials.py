@@ -24,7 +24,8 @@ class Dial(NamedTuple):
     low: float
     high: float
     step: float
-    value: float
+    value: float  # as shown, rounded
+    exact: float  # of the rover
 
 
 def pivot_dials(rover: Rover) -> list[Dial]:
@@ -55,12 +56,13 @@ def pivot_dials(rover: Rover) -> list[Dial]:
             value = float(point[axis])
             dials.append(_length(f"{name}_{letter}", f"{label} {letter}", value, size, value - 0.3 * size, value + 0.3 * size))
     mass = rover.mass
-    dials.append(Dial("mass", "mass [kg]", round(0.2 * mass, 3), round(3 * mass, 3), _nice(mass / 200), round(mass, 6)))
+    dials.append(_dial("mass", "mass [kg]", mass, _tenth(mass / 200), 0.2 * mass, 3 * mass))
     for key, label, limits in (
-        ("rocker_limit", "rocker limit ± [°]", rover.rocker_limits),
-        ("bogie_limit", "bogie limit ± [°]", rover.bogie_limits),
+        ("rocker_limit", "rocker ± [°]", rover.rocker_limits),
+        ("bogie_limit", "bogie ± [°]", rover.bogie_limits),
     ):
-        dials.append(Dial(key, label, 1.0, NO_LIMIT, 0.5, _limit(limits)))
+        widest = _limit(limits)
+        dials.append(Dial(key, label, 1.0, NO_LIMIT, 0.5, round(widest, 1), widest))
     return dials
 
 
@@ -80,7 +82,7 @@ def dh_dials(rover: Rover) -> list[Dial]:
     for key, value in rover.to_dh().items():
         if key == "K9":
             angle = math.degrees(value)
-            dials.append(Dial(key, "K9 [°]", round(angle - 40, 1), round(angle + 40, 1), 0.1, round(angle, 6)))
+            dials.append(_dial(key, "K9 [°]", angle, 0.1, angle - 40, angle + 40))
         else:
             room = 0.3 * rover.wheelbase
             low = max(value - room, 0.3 * value) if key in ("K3", "K6", "K7", "K10", "K11") else value - room
@@ -107,7 +109,8 @@ def has_dh(rover: Rover) -> bool:
 def changed(base: Rover, values: dict[str, float]) -> tuple[Rover, list[str]]:
     """Return a rover with other sizes.
 
-    Differences to the base's own values are added to both sides, so that a rover whose sides differ keeps that difference.
+    A dial at its shown value leaves the base's own value as it is. Differences to the base's own values are added to both sides,
+    so that a rover whose sides differ keeps that difference.
 
     Args:
         base: rover from which the dials were made.
@@ -119,10 +122,12 @@ def changed(base: Rover, values: dict[str, float]) -> tuple[Rover, list[str]]:
     Raises:
         RoverError: an impossible rover.
     """
-    own = {dial.key: dial.value for dial in (dh_dials(base) if "K1" in values else pivot_dials(base))}
-    delta = {key: value - own[key] for key, value in values.items() if abs(value - own[key]) > 1e-12}
-    if not delta:
+    own = {dial.key: dial for dial in (dh_dials(base) if "K1" in values else pivot_dials(base))}
+    moved = {key: value for key, value in values.items() if abs(value - own[key].value) > 1e-9}
+    if not moved:
         return base, []
+    values = {key: dial.exact for key, dial in own.items()} | moved
+    delta = {key: value - own[key].exact for key, value in moved.items()}
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         rover = _with_constants(base, values) if "K1" in values else _with_pivots(base, values, delta)
@@ -194,11 +199,16 @@ def _limit(limits: np.ndarray) -> float:
 
 def _length(key: str, label: str, value: float, size: float, low: float, high: float) -> Dial:
     """Return the dial of a length, m."""
-    step = _nice(size / 1000)
-    return Dial(key, f"{label} [m]", round(float(low), 6), round(float(high), 6), step, float(value))
+    return _dial(key, label, value, _tenth(size / 500), low, high)
 
 
-def _nice(value: float) -> float:
-    """Return the power of 10 times 1, 2 or 5 that is at most a value."""
-    power = 10.0 ** math.floor(math.log10(value))
-    return max(m * power for m in (1, 2, 5) if m * power <= value * (1 + 1e-9))
+def _dial(key: str, label: str, exact: float, step: float, low: float, high: float) -> Dial:
+    """Return a dial whose numbers are rounded to its step, a power of 10."""
+    digits = -round(math.log10(step))
+    least, most, shown = (round(float(value), digits) for value in (low, high, exact))
+    return Dial(key, label, least, most, step, shown, float(exact))
+
+
+def _tenth(value: float) -> float:
+    """Return the power of 10 that is at most a value."""
+    return float(10.0 ** math.floor(math.log10(value)))

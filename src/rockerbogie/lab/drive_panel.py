@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-from html import escape
 from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -21,9 +20,12 @@ from ..simulation.simulate import simulate
 from .path_view import PathView
 from .paths import MOST_POINTS, path_through, step_of
 from .records import Difference, Record, difference
+from .style import QUIET, note_html
 from .uploads import message_of
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from .context import Visit
 
 MOVE, DRAW, ROUTE = "moves the rover", "adds to the path", "sets start, then goal"
@@ -69,14 +71,15 @@ class DrivePanel:
         self._serial = 0  # counts runs, so that a late simulation of an earlier one is dropped
         gui = session.client.gui
         self.view = PathView(session.client.scene)
-        self.click = gui.add_dropdown("a click on the terrain", (MOVE, DRAW, ROUTE), initial_value=MOVE)
-        self.click.on_update(session.callback(lambda _: self._explain()))
         self.note = gui.add_html("")
+        self.click = gui.add_dropdown("a click", (MOVE, DRAW, ROUTE), initial_value=MOVE, hint="effect of a click on the terrain")
+        self.click.on_update(session.callback(lambda _: self._explain()))
         edit = gui.add_button_group("path", ("Undo", "Clear"))
         edit.on_click(session.callback(lambda event: self._undo() if event.target.value == "Undo" else self.clear()))
         self.speed = gui.add_slider("speed [cm/s]", 1.0, 30.0, 0.5, 5.0)
-        gui.add_button("Drive the path").on_click(session.callback(lambda _: self._drive()))
-        self.simulate_button = gui.add_button("Simulate it in MuJoCo too", disabled=True)
+        self.drive_button = gui.add_button("Drive the path", disabled=True)
+        self.drive_button.on_click(session.callback(lambda _: self._drive()))
+        self.simulate_button = gui.add_button("Simulate it in MuJoCo too", disabled=True, color=QUIET)
         self.simulate_button.on_click(session.callback(lambda _: self._simulate()))
         self.progress = gui.add_progress_bar(0.0, visible=False)
         self.play_button = gui.add_button(PLAY, disabled=True)
@@ -85,14 +88,20 @@ class DrivePanel:
         self.scrub.on_update(session.callback(lambda _: self._scrub(), "scrub"))
         self.rate = gui.add_slider("playback ×", 1.0, 100.0, 1.0, 1.0)
         self.charts = gui.add_html("")
-        self.save = gui.add_button("Save the run as CSV", disabled=True)
+        self.save = gui.add_button("Save the run as CSV", disabled=True, color=QUIET)
         self.save.on_click(session.callback(lambda _: self._save()))
         gui.add_command("Play or pause", hotkey="P").on_trigger(session.callback(lambda _: self.play(not self.playing)))
         self._explain()
-        if session.lab.run is not None:
-            self._use(Record.of(session.state.rover, session.state.terrain, session.lab.run), play=False)
 
     # -- called by the session ------------------------------------------------------------------------------------
+
+    def begin(self, run: xr.Dataset) -> None:
+        """Show the run with which the lab was started.
+
+        Args:
+            run: of the visitor's rover and terrain.
+        """
+        self._use(Record.of(self.session.state.rover, self.session.state.terrain, run), play=False)
 
     def advance(self) -> bool:
         """Move the time of a playing run.
@@ -233,14 +242,21 @@ class DrivePanel:
         if not text:
             length = "" if self.path is None else f"Path of {self.path.length:.2f} m. "
             step = {
-                MOVE: "Choose “adds to the path” and click points on the terrain.",
-                DRAW: "Click points on the terrain, then press Drive."
+                MOVE: "To drive a path, let a click add to the path, and click two points or more.",
+                DRAW: "Click two points or more on the terrain, then press “Drive the path”."
                 if self.path is None
-                else "Press Drive, or click further points.",
-                ROUTE: "Click the goal." if self.start else "Click the start on the map, then the goal.",
+                else "Press “Drive the path”, or click further points.",
+                ROUTE: self._route_step(),
             }[self.click.value]
             text = length + step
-        self.note.content = f'<div data-key="path" style="padding:0 .8em;font-size:12px;opacity:.8">{escape(text)}</div>'
+        self.note.content = note_html(text, "path")
+        self.drive_button.disabled = self.path is None
+
+    def _route_step(self) -> str:
+        """Return the next step towards a route."""
+        if self.session.maps is None:
+            return "A route needs a map: compute one in the tab Terrain."
+        return "Click the goal." if self.start else "Click the start on the terrain, then the goal."
 
     # -- run ------------------------------------------------------------------------------------------------------
 

@@ -71,7 +71,7 @@ class PathView:
         """
         place = on_terrain(terrain, np.array([x]), np.array([y]), 0.1 * size)[0] - offset
         self._nodes[name] = self.scene.add_icosphere(f"/path/{name}", 0.12 * size, MARKS[name], position=place)
-        self._nodes[f"{name}_label"] = self.scene.add_label(f"/path/{name}/label", name, position=(0.0, 0.0, 0.3 * size))
+        self.scene.add_label(f"/path/{name}/label", name, position=(0.0, 0.0, 0.3 * size))  # removed with its mark
 
     def clear(self) -> None:
         """Remove path and marks."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..maps.limits import PRESETS
 from ..settling.pose import GRAVITY
+from .style import QUIET
 
 if TYPE_CHECKING:
     from .context import Visit
@@ -44,7 +45,7 @@ class PosePanel:
         own = next((name for name, g in GRAVITY.items() if g == state.gravity), "earth")
         self.gravity = gui.add_dropdown("gravity", names, initial_value=own.capitalize())
         self.gravity.on_update(session.callback(self._option))
-        gui.add_button("Look at the rover", icon=None).on_click(session.callback(lambda _: session.look()))
+        gui.add_button("Look at the rover", color=QUIET).on_click(session.callback(lambda _: session.look()))
         self.wheels = gui.add_html("")
         self.arrows = {}
         with gui.add_folder("Contacts", expand_by_default=True):

@@ -131,7 +131,7 @@ def readings_html(pose: Pose, numbers: list[Reading]) -> str:
         for r in numbers
     )
     return (
-        f'<div style="padding:0 1.2em 0 .8em;font-size:13px;line-height:1.45">'
+        f'<div style="padding:0 1.2em .5em .8em;font-size:13px;line-height:1.45">'
         f'<div style="margin-bottom:4px"><b data-key="status" style="color:{COLOURS[level]}">{name}</b>'
         f'<span style="opacity:.65"> {escape(meaning)}</span></div>'
         f'<div style="display:grid;grid-template-columns:1fr 1fr;column-gap:14px">{cells}</div></div>'

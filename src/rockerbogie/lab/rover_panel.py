@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from ..rover.formats.toml_write import to_toml
 from ..rover.model import Rover
 from .dials import Dial, changed, dh_dials, has_dh, pivot_dials
+from .style import QUIET, note_html
 from .uploads import plain_name, preset_rover, rover_names, uploaded_rover
 
 if TYPE_CHECKING:
@@ -31,14 +32,15 @@ class RoverPanel:
         own = self.base.name if self.base.name in names else OWN
         self.preset = gui.add_dropdown("rover", [*names, *([] if own in names else [OWN])], initial_value=own)
         self.preset.on_update(session.callback(self._choose))
-        upload = gui.add_upload_button("Upload TOML, URDF, SDF or MJCF", mime_type=".toml,.urdf,.sdf,.xml")
+        upload = gui.add_upload_button("Upload TOML, URDF, SDF or MJCF", mime_type=".toml,.urdf,.sdf,.xml", color=QUIET)
         upload.on_upload(session.callback(lambda event: self._uploaded(event.target.value)))
         gui.add_button("Save as TOML").on_click(session.callback(self._save))
-        gui.add_button("Back to the original sizes").on_click(session.callback(lambda _: self.use(self.base)))
-        self.edit_by = gui.add_dropdown("change", (PIVOTS, CONSTANTS), initial_value=PIVOTS)
+        self.edit_by = gui.add_dropdown("sizes by", (PIVOTS, CONSTANTS), initial_value=PIVOTS)
         self.edit_by.on_update(session.callback(lambda _: self._build()))
         self.note = gui.add_html("")
-        self.folder = gui.add_folder("Sizes")
+        self.folder = gui.add_folder("Sizes, lengths in m")
+        back = gui.add_button("Back to the original sizes", color=QUIET)
+        back.on_click(session.callback(lambda _: self.use(self.base)))
         self.sliders: dict[str, Any] = {}
         self._build()
 
@@ -61,9 +63,8 @@ class RoverPanel:
         """Make the sliders for the rover."""
         constants = self.edit_by.value == CONSTANTS
         if constants and not has_dh(self.base):
-            self.note.content = _line(
-                f"{self.base.name} has no constants K1 to K11: its tracks, wheels or steering axes differ. Pivots are shown."
-            )
+            text = f"{self.base.name} has no constants K1 to K11: its tracks, wheels or steering axes differ. Pivots are shown."
+            self.note.content = note_html(text, warning=True)
             constants = False
         else:
             self.note.content = ""
@@ -85,7 +86,7 @@ class RoverPanel:
         self.session.drive_panel.forget()
         self.session.state.use_rover(rover)
         self.session.show_rover()
-        self.note.content = _line(" ".join(notes)) if notes else ""
+        self.note.content = note_html(" ".join(notes), warning=True)
 
     def _choose(self, _: Any) -> None:
         """Load the chosen preset."""
@@ -105,10 +106,3 @@ class RoverPanel:
         rover = self.session.state.rover
         name = plain_name(rover.name if rover is self.base else f"{rover.name}-changed")
         self.session.client.send_file_download(f"{name}.toml", to_toml(rover).encode(), save_immediately=True)
-
-
-def _line(text: str) -> str:
-    """Return a small line of HTML."""
-    from html import escape
-
-    return f'<div style="padding:0 .8em;font-size:12px;color:#b35900">{escape(text)}</div>' if text else ""

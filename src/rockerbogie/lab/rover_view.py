@@ -42,11 +42,12 @@ class RoverView:
         self.rover: Rover | None = None
         self._sent: Array = np.zeros(0)
 
-    def build(self, rover: Rover) -> None:
+    def build(self, rover: Rover, light: bool = False) -> None:
         """Replace the meshes by those of a rover; they appear with the next `place`.
 
         Args:
             rover: the rover.
+            light: draw fewer triangles.
         """
         self.remove()
         self.rover = rover
@@ -55,7 +56,7 @@ class RoverView:
             paths.append(f"{self.name if carrier < 0 else paths[carrier]}/{link}")
         self.frames = [self.scene.add_frame(path, show_axes=False) for path in paths]
         self._sent = np.full((len(LINKS), 3, 4), np.nan)
-        for part in rover_parts(rover):
+        for part in rover_parts(rover, light):
             self.meshes.append(
                 self.scene.add_mesh_simple(
                     f"{paths[LINKS.index(part.link)]}/{part.name}",

@@ -18,8 +18,10 @@ from ..settling.pose import GRAVITY
 from ..settling.settle import settle
 from ..terrain.heightfield import Terrain
 from .context import Lab
+from .index_page import with_script
 from .readings import measure
 from .state import start_position
+from .style import BRAND
 from .uploads import MOST_BYTES
 
 if TYPE_CHECKING:
@@ -30,6 +32,8 @@ if TYPE_CHECKING:
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 #: Names by which a browser on this machine may address the page.
 _LOCAL_NAMES = frozenset({"127.0.0.1", "localhost", "[::1]"})
+#: Paths of the page.
+_INDEX = ("/", "/index.html")
 #: First port that is tried, and how many after it.
 PORT, PORTS = 8080, 20
 
@@ -43,7 +47,7 @@ def start_lab(
     gravity: float = GRAVITY["earth"],
     host: str = "127.0.0.1",
     port: int | None = None,
-    shadows: bool = True,
+    light: bool = False,
 ) -> Lab:
     """Start the page and return at once.
 
@@ -55,7 +59,7 @@ def start_lab(
         gravity: m/s².
         host: address to listen at. The default is this machine only.
         port: None: the first free one from 8080.
-        shadows: False for browsers that draw without a graphics card.
+        light: draw without shadows and with a coarser terrain, for browsers without a graphics card.
 
     Returns:
         The lab; `stop` ends it.
@@ -65,7 +69,7 @@ def start_lab(
     """
     require("the page", "lab", "viser", "trimesh")
     free = free_port(host, port)
-    lab = Lab(rover, terrain, maps, run, gravity, (*start_position(terrain), 0.0), shadows)
+    lab = Lab(rover, terrain, maps, run, gravity, (*start_position(terrain), 0.0), light)
     warm_up(lab)
     lab.server = _make_server(host, free)
     _decorate(lab)
@@ -153,7 +157,12 @@ def _make_server(host: str, port: int) -> viser.ViserServer:
         def check(connection: Any, request: Any) -> Any:
             if not same_site(request.headers.get("Host", ""), request.headers.get("Origin"), local):
                 return Response(http.HTTPStatus.FORBIDDEN, "FORBIDDEN", Headers(), b"this address is not the page's own\n")
-            return process_request(connection, request)
+            response = process_request(connection, request)
+            if response is not None and response.status_code == http.HTTPStatus.OK and urlsplit(request.path).path in _INDEX:
+                response.body = with_script(response.body, response.headers.get("Content-Encoding", "identity"))
+                del response.headers["Content-Length"]
+                response.headers["Content-Length"] = str(len(response.body))
+            return response
 
         return serve(*args, process_request=check, **more)
 
@@ -169,6 +178,8 @@ def _make_server(host: str, port: int) -> viser.ViserServer:
 
 
 _STARTING = threading.Lock()
+#: Intensity of the light from the sky.
+SKY = 2.0
 
 
 def _decorate(lab: Lab) -> None:
@@ -176,10 +187,12 @@ def _decorate(lab: Lab) -> None:
     from .session import Session
 
     server = lab.server
-    server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large", brand_color=(0, 114, 178))
+    server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large", brand_color=BRAND)
     server.gui.main_panel.dock_right()
     server.scene.world_axes.visible = False
-    server.scene.configure_default_lights(cast_shadow=lab.shadows)
+    # an environment map would cost a browser without a graphics card as much as all the rest
+    server.scene.configure_environment_map(hdri=None)
+    server.scene.add_light_hemisphere("/sky", sky_color=(255, 255, 255), ground_color=(190, 170, 150), intensity=SKY)
 
     def enter(client: viser.ClientHandle) -> None:
         limit_uploads(client, lambda text: client.add_notification("File not read", text, color="red"))

@@ -26,8 +26,9 @@ from .readings import measure, readings, readings_html, wheels_html
 from .rover_panel import RoverPanel
 from .rover_view import RoverView, TurnRing
 from .state import LabState, standing
+from .style import HINT
 from .terrain_panel import TerrainPanel
-from .terrain_view import TerrainView
+from .terrain_view import TerrainView, usual_colour
 from .uploads import message_of
 
 if TYPE_CHECKING:
@@ -36,10 +37,6 @@ if TYPE_CHECKING:
 #: Frames per second while the rover moves, and updates per second of the numbers.
 FRAMES = 60.0
 NUMBERS = 12.0
-HINT = (
-    '<div data-key="hint" style="padding:.5em .8em .3em;font-size:14px"><b>Drag the rover</b> over the terrain: it settles as '
-    "you drag. <b>Drag the yellow ring</b> to turn it.</div>"
-)
 
 
 class Session:
@@ -57,7 +54,8 @@ class Session:
         self.lab, self.client = lab, client
         self.state = LabState(lab.rover, lab.terrain, *lab.start, mode="contact", gravity=lab.gravity)
         self.maps = lab.maps
-        self.colour = "hillshade"
+        self.colour = usual_colour(lab.maps)
+        self.light = lab.light
         self.frames = 0  # drawn since the session began
         self.slowest = 0.0  # s, slowest frame so far
         self._jobs: OrderedDict[Any, Callable[[], None]] = OrderedDict()
@@ -87,6 +85,8 @@ class Session:
                 self.terrain_panel = TerrainPanel(self)
             self.show_terrain()
             self.show_rover()
+            if (run := lab.run) is not None:
+                self.attempt(lambda: self.drive_panel.begin(run))
             self.look()
             self.draw()
         scene.on_click()(self._clicked)
@@ -207,7 +207,7 @@ class Session:
     def show_rover(self) -> None:
         """Build the meshes of the rover."""
         for view in (self.rover_view, self.ghost):
-            view.build(self.state.rover)
+            view.build(self.state.rover, self.light)
         self.ghost.show(False)
         self.rover_view.on_drag(self._dragged)
         self.ring.build(self.state.rover, self._turned)
@@ -215,7 +215,8 @@ class Session:
 
     def show_terrain(self) -> None:
         """Build the meshes of the terrain."""
-        self.terrain_view.build(self.state.terrain, self.colour, self.maps)
+        self.client.scene.configure_default_lights(cast_shadow=not self.light)
+        self.terrain_view.build(self.state.terrain, self.colour, self.maps, self.light)
         self.terrain_panel.show_legend()
         self.redraw()
 
@@ -252,12 +253,13 @@ class Session:
 
     def look(self) -> None:
         """Turn the visitor's camera to the rover, from behind and above."""
-        offset, size = self.terrain_view.offset, self.state.size
-        z = float(self.state.pose.z)
+        offset, size, frame = self.terrain_view.offset, self.state.size, self.drive_panel.frame()
+        x, y, yaw = (self.state.x, self.state.y, self.state.yaw) if frame is None else frame.position
+        z = float(self.state.pose.z) if frame is None else float(frame.q[0])
         if not np.isfinite(z):
-            z = float(standing(self.state.rover, self.state.terrain, self.state.x, self.state.y)[0])
-        centre = np.array([self.state.x, self.state.y, z]) - offset
-        back = self.state.yaw + np.pi - 0.6
+            z = float(standing(self.state.rover, self.state.terrain, x, y)[0])
+        centre = np.array([x, y, z]) - offset
+        back = yaw + np.pi - 0.6
         camera = self.client.camera
         narrow = camera.image_width < 0.8 * camera.image_height  # a phone: the controls cover the lower half
         away = (8.0 if narrow else 4.2) * size

@@ -10,7 +10,16 @@ import numpy as np
 
 from ..arrays import Array
 from ..scene.colours import Legend
-from ..scene.terrain_mesh import MODES, TRIANGLES, TerrainMesh, coloured_values, terrain_grid, terrain_mesh
+from ..scene.terrain_mesh import (
+    MODES,
+    TRIANGLES,
+    TerrainMesh,
+    coloured_values,
+    graded_grid,
+    grid_mesh,
+    terrain_grid,
+    terrain_mesh,
+)
 from ..terrain.heightfield import Terrain
 
 if TYPE_CHECKING:
@@ -22,6 +31,11 @@ COARSE = 200_000
 TILE = 128
 #: Most tiles drawn with all nodes at a time.
 MOST_FINE = 9
+#: Light drawing: cells along a side of the dense part of the grid; its radius and the distance after which it moves with the
+#: rover, as shares of the radius of `refine`.
+LIGHT_CELLS, LIGHT_RADIUS, LIGHT_MOVE = 32, 0.8, 0.15
+
+_UNLIT = "KHR_materials_unlit"
 
 Bounds = tuple[float, float, float, float]
 
@@ -92,16 +106,22 @@ class TerrainView:
         self._fine: dict[tuple[int, int], Any] = {}
         self._paint: dict[str, Any] = {}
         self._terrain: Terrain | None = None
+        self.light = False
+        self._near: Any = None  # mesh of light drawing
+        self._centre: tuple[float, float] | None = None  # of its dense part
+        self._drawn = 0  # meshes of light drawing so far
 
-    def build(self, terrain: Terrain, colour: str, maps: xr.Dataset | None) -> None:
-        """Replace the meshes by those of a terrain.
+    def build(self, terrain: Terrain, colour: str, maps: xr.Dataset | None, light: bool = False) -> None:
+        """Replace the meshes by those of a terrain; in light drawing they appear with `refine`.
 
         Args:
             terrain: the terrain.
             colour: plain, hillshade, height, slope or a layer of `maps`.
             maps: map with the layer, or None.
+            light: draw one small grid that is dense near the rover.
         """
         self.remove()
+        self.light = light
         xmin, ymin, xmax, ymax = terrain.bounds
         self.offset = np.array([(xmin + xmax) / 2, (ymin + ymax) / 2, float(np.nanmean(terrain.z))])
         self._terrain, self._tiles = terrain, tiles_of(terrain)
@@ -112,19 +132,25 @@ class TerrainView:
             _, self.legend = coloured_values(x, y, z, colour, maps)
             if not self.legend.classes and self.legend.low < self.legend.high:
                 self._paint["limits"] = (self.legend.low, self.legend.high)
+        if light:
+            self._tiles = []
+            self.note = "light drawing: a coarse grid, dense near the rover. The rover settles on all data."
+            return
         whole = len(self._tiles) == 1
         self.note = note if whole else f"{note}; all nodes near the rover. The rover settles on all data."
         for tile in self._tiles:
             self._coarse[tile.key] = self._add("coarse", tile, COARSE // len(self._tiles))
 
     def refine(self, x: float, y: float, radius: float) -> None:
-        """Draw the tiles near a position with all nodes, and the others with the coarse grid.
+        """Draw the terrain near a position with all nodes, and the rest with a coarse grid.
 
         Args:
             x: m.
             y: m.
             radius: m.
         """
+        if self.light:
+            self._refine_light(x, y, radius)
         if len(self._tiles) <= 1:
             return
         wanted = {tile.key: tile for tile in near_tiles(self._tiles, x, y, radius)}
@@ -136,20 +162,38 @@ class TerrainView:
                 self._fine[key] = self._add("fine", tile, TRIANGLES)
                 self._coarse[key].visible = False
 
+    def _refine_light(self, x: float, y: float, radius: float) -> None:
+        """Move the dense part of the grid of light drawing to a position."""
+        assert self._terrain is not None
+        if self._centre is not None and max(abs(x - self._centre[0]), abs(y - self._centre[1])) < LIGHT_MOVE * radius:
+            return
+        self._centre = (x, y)
+        old, self._near = self._near, None
+        self._drawn += 1
+        grid = graded_grid(self._terrain, self._centre, LIGHT_RADIUS * radius, LIGHT_CELLS)
+        self._near = self._show(f"/terrain/light_{self._drawn % 2}", grid_mesh(grid, **self._paint))
+        if old is not None:
+            old.remove()
+
     def _add(self, kind: str, tile: Tile, triangles: int) -> Any:
         """Add the mesh of a tile to the scene, with its colours."""
         assert self._terrain is not None
         mesh = terrain_mesh(self._terrain, tile.bounds, triangles=max(2, triangles), **self._paint)
-        node = f"/terrain/{kind}_{tile.key[0]}_{tile.key[1]}"
+        return self._show(f"/terrain/{kind}_{tile.key[0]}_{tile.key[1]}", mesh)
+
+    def _show(self, node: str, mesh: TerrainMesh) -> Any:
+        """Add a mesh to the scene."""
         if len(mesh.faces) == 0:
             return self.scene.add_frame(node, show_axes=False)
+        if self.light:
+            return self.scene.add_glb(node, _unlit(_coloured(mesh, self.offset)), cast_shadow=False, receive_shadow=False)
         return self.scene.add_mesh_trimesh(node, _coloured(mesh, self.offset), cast_shadow=False)
 
     def remove(self) -> None:
         """Remove all meshes."""
-        for mesh in (*self._coarse.values(), *self._fine.values()):
+        for mesh in (*self._coarse.values(), *self._fine.values(), *([] if self._near is None else [self._near])):
             mesh.remove()
-        self._coarse, self._fine, self._tiles = {}, {}, []
+        self._coarse, self._fine, self._tiles, self._near, self._centre = {}, {}, [], None, None
 
 
 def _coloured(mesh: TerrainMesh, offset: Array) -> Any:
@@ -159,6 +203,20 @@ def _coloured(mesh: TerrainMesh, offset: Array) -> Any:
     linear = np.round(255 * mesh.colours**2.2)  # browsers take the colours of vertices as linear, not as sRGB
     colours = np.concatenate([linear, np.full((len(linear), 1), 255)], axis=1).astype(np.uint8)
     return trimesh.Trimesh(mesh.vertices - offset, mesh.faces, vertex_colors=colours, process=False)
+
+
+def _unlit(mesh: Any) -> bytes:
+    """Return a mesh as GLB whose colours the browser draws without lighting them."""
+    from trimesh.exchange.gltf import export_glb
+
+    def unlit(tree: dict[str, Any]) -> None:
+        tree["extensionsUsed"] = [_UNLIT]
+        tree["materials"] = [{"extensions": {_UNLIT: {}}, "doubleSided": True}]
+        for one in tree["meshes"]:
+            for primitive in one["primitives"]:
+                primitive["material"] = 0
+
+    return bytes(export_glb(mesh.scene(), tree_postprocessor=unlit))
 
 
 def colour_choices(maps: xr.Dataset | None) -> list[str]:
@@ -172,6 +230,18 @@ def colour_choices(maps: xr.Dataset | None) -> list[str]:
     """
     layers = [] if maps is None else [str(name) for name, v in maps.data_vars.items() if set(v.dims) == {"y", "x"}]
     return [*MODES[1:], *layers]
+
+
+def usual_colour(maps: xr.Dataset | None) -> str:
+    """Return the way in which a terrain is coloured at first.
+
+    Args:
+        maps: map of the terrain, or None.
+
+    Returns:
+        passable for a map that has it, else hillshade.
+    """
+    return "passable" if maps is not None and "passable" in maps else "hillshade"
 
 
 def legend_html(legend: Legend | None, note: str) -> str:

@@ -35,11 +35,12 @@ _BAR_RATIOS = (0.3, 3.0)
 
 
 @lru_cache(maxsize=32)
-def rover_parts(rover: Rover) -> tuple[Part, ...]:
+def rover_parts(rover: Rover, light: bool = False) -> tuple[Part, ...]:
     """Return the parts of a rover.
 
     Args:
         rover: the rover.
+        light: half as many triangles: wheels without grousers.
 
     Returns:
         Parts in the frames of their links (`LINKS`). At rest a link's frame is parallel to the body's; its origin is the body's
@@ -49,7 +50,7 @@ def rover_parts(rover: Rover) -> tuple[Part, ...]:
     for s in (0, 1):
         parts += _rocker(rover, s) + _bogie(rover, s)
     for i in range(6):
-        parts += _fork(rover, i) + _wheel(rover, i)
+        parts += _fork(rover, i) + _wheel(rover, i, light)
     return tuple(parts)
 
 
@@ -313,35 +314,36 @@ def _fork(rover: Rover, wheel: int) -> list[Part]:
     return [_part(link, link, [plate, arm], colour), _part(f"{link}_axle", link, [axle], _JOINT)]
 
 
-def _wheel(rover: Rover, wheel: int) -> list[Part]:
+def _wheel(rover: Rover, wheel: int, light: bool) -> list[Part]:
     """Return a wheel: rim, grousers that reach its radius, hub and spokes.
 
-    One spoke has another colour, to show the rotation.
+    Without grousers, the rim reaches the radius. One spoke has another colour, to show the rotation.
     """
     link, radius, width = f"wheel_{wheel}", float(rover.wheel_radius[wheel]), drawn_width(rover, wheel)
-    half, outer, inner, hub = width / 2, 0.95 * radius, 0.84 * radius, 0.24 * radius
-    rim = lathe([(inner, -half), (outer, -half), (outer, half), (inner, half), (inner, -half)], _SEGMENTS)
-    core = lathe([(0.0, -0.6 * half), (hub, -0.6 * half), (hub, 0.8 * half), (0.0, 0.8 * half)], 24)
+    half, outer, inner, hub = width / 2, (1.0 if light else 0.95) * radius, 0.84 * radius, 0.24 * radius
+    segments, sides, count = (20, 10, 4) if light else (_SEGMENTS, 24, _SPOKES)
+    rim = lathe([(inner, -half), (outer, -half), (outer, half), (inner, half), (inner, -half)], segments)
+    core = lathe([(0.0, -0.6 * half), (hub, -0.6 * half), (hub, 0.8 * half), (0.0, 0.8 * half)], sides)
     core = Solid(core.vertices * (1.0, _outward(WHEEL_SIDE[wheel]), 1.0), core.faces)
     if WHEEL_SIDE[wheel]:
         core = Solid(core.vertices, core.faces[:, ::-1])
     grousers = []
-    for k in range(_GROUSERS):
+    for k in range(0 if light else _GROUSERS):
         wide = 0.018 * radius
         points = [(a * wide * f, y, z) for a in (-1, 1) for y in (-half, half) for z, f in ((0.93 * radius, 1.6), (radius, 1.0))]
         grousers.append(_turned(convex(points), 2 * np.pi * k / _GROUSERS))
     spokes = []
-    for k in range(_SPOKES):
+    for k in range(count):
         points = [
             (a * w, y, z)
             for a in (-1, 1)
             for z, w, deep in ((0.9 * hub, 0.09 * radius, 0.5), (0.86 * radius, 0.05 * radius, 0.22))
             for y in (-deep * half, deep * half)
         ]
-        spokes.append(_turned(convex(points), 2 * np.pi * k / _SPOKES))
+        spokes.append(_turned(convex(points), 2 * np.pi * k / count))
     return [
         _part("rim", link, [rim], _TYRE),
-        _part("grousers", link, grousers, _GROUSER),
+        *([_part("grousers", link, grousers, _GROUSER)] if grousers else []),
         _part("spokes", link, spokes[1:], _SPOKE),
         _part("marked_spoke", link, spokes[:1], _MARK),
         _part("hub", link, [core], _JOINT),

@@ -25,6 +25,8 @@ CUT = colour_of("#b9a58e")
 TRIANGLES = 300_000
 #: Cells drawn per cell of cubic terrain along each side, at most.
 FINEST = 4
+#: Ratio of neighbouring cells outside the dense part of a graded grid.
+COARSER = 1.6
 #: Direction to the sun of the hillshade: from the north-west, 45 degrees high.
 _SUN = np.array([-0.5, 0.5, np.sqrt(0.5)])
 #: Colour modes beside the name of a map's layer.
@@ -95,6 +97,39 @@ def terrain_grid(terrain: Terrain, bounds: Bounds | None = None, triangles: int 
     if every > 1:
         about = f"1 in {every} nodes of the terrain"
     return Grid(x, y, z, f"grid {step} ({about})")
+
+
+def graded_grid(terrain: Terrain, centre: tuple[float, float], radius: float, cells: int) -> Grid:
+    """Return heights on a grid that is dense near a position and coarser with the distance.
+
+    Args:
+        terrain: the terrain.
+        centre: x and y, m.
+        radius: half the side of the dense square, m.
+        cells: cells along a side of the dense square, at most.
+
+    Returns:
+        The grid. Its lines lie on nodes where the cells are as large as those of the terrain.
+    """
+    lines, steps = [], []
+    for axis, nodes in ((0, terrain.z.shape[1]), (1, terrain.z.shape[0])):
+        origin, spacing = terrain.origin[axis], terrain.spacing[axis]
+        every = max(1, int(np.ceil(2 * radius / spacing / cells)))
+        at = _graded((centre[axis] - origin) / spacing, radius / spacing, every, nodes)
+        lines.append(origin + spacing * at)
+        steps.append(spacing * every)
+    x, y = lines
+    note = f"grid {max(steps):.3g} m near the rover, coarser with the distance"
+    return Grid(x, y, terrain.height(*np.meshgrid(x, y)), note)
+
+
+def _graded(middle: float, half: float, every: int, nodes: int) -> Array:
+    """Return nodes: `every` nodes apart within `half` of a position, further apart beyond it."""
+    dense = np.arange(0.0, half + every, every)
+    growing = np.cumsum(every * COARSER ** np.arange(1.0, 1.0 + np.log(nodes + 1.0) / np.log(COARSER)))
+    away = np.concatenate([dense, dense[-1] + growing])
+    at = round(middle) + np.concatenate([-away[::-1], away])
+    return np.unique(np.append(np.clip(at.round(), 0, nodes - 1), (0, nodes - 1)))
 
 
 def _stations(first: int, last: int, every: int, finer: int) -> Array:
@@ -196,7 +231,30 @@ def terrain_mesh(
     Raises:
         RockerbogieError: an unknown colour, layer or colour map; bounds beside the terrain.
     """
-    x, y, z, note = terrain_grid(terrain, bounds, triangles)
+    return grid_mesh(terrain_grid(terrain, bounds, triangles), colour, maps, limits, colour_map, shaded)
+
+
+def grid_mesh(
+    grid: Grid, colour: str = "height", maps: xr.Dataset | None = None, limits: tuple[float, float] | None = None,
+    colour_map: str | None = None, shaded: bool = True,
+) -> TerrainMesh:  # fmt: skip
+    """Return a grid of heights as triangles with colours.
+
+    Args:
+        grid: from `terrain_grid` or `graded_grid`.
+        colour: as `terrain_mesh`, as are the following.
+        maps: map with that layer.
+        limits: values of the first and last colour.
+        colour_map: viridis, cividis or terrain.
+        shaded: multiply colours by the hillshade.
+
+    Returns:
+        The mesh; cells with missing data are left out.
+
+    Raises:
+        RockerbogieError: an unknown colour, layer or colour map.
+    """
+    x, y, z, note = grid
     points = np.stack([*np.meshgrid(x, y), z], axis=-1).reshape(-1, 3)
     legend = None
     if colour in ("plain", "hillshade"):
