@@ -16,6 +16,7 @@ from rockerbogie import compilation
 from rockerbogie._kernels import batch
 from rockerbogie._kernels.dynamics import rollout
 from rockerbogie._kernels.model import ground, jacobians
+from rockerbogie._kernels.odometry import commands, twist
 from rockerbogie._kernels.soil import forces, table
 from rockerbogie._kernels.statics import loads
 from rockerbogie._kernels.verify import gap
@@ -29,7 +30,8 @@ SIGNATURES = {
     batch.settle_bridged: 2, batch.rest_bridged: 2, loads.belly_batch: 2, loads.loads_batch: 1, loads.stability_batch: 1,
     rollout.predict_batch: 2,
     forces.forces_batch: 1, forces.motion_batch: 1, table.table_batch: 1, table.motion_table_batch: 1,
-    jacobians.wheel_jacobians_batch: 1, raster_kernels.shade: 1, raster_kernels.rasterise: 1,
+    commands.commands_batch: 1, twist.twist_batch: 1, jacobians.wheel_jacobians_batch: 1,
+    raster_kernels.shade: 1, raster_kernels.rasterise: 1,
 }  # fmt: skip
 #: Ordinary use of one pose and of many, in a process that may not compile.
 USE = """
@@ -46,6 +48,7 @@ for interpolation in ("cubic", "linear"):
             pose = rb.settle(rover, terrain, x, y, yaw, steering=np.zeros((*shape, 6)), mode=mode)
             pose.gap, pose.contact_angle, pose.clearance, rb.wheel_jacobians(rover, pose)
             rb.wheel_loads(pose)
+            rb.wheel_commands(rover, pose, np.zeros(6)), rb.body_twist(rover, pose, gyro=np.zeros(3))
         rb.stability(pose)
     rb.verify(pose)
     terrain.normal(x, y)

@@ -17,7 +17,7 @@ from .errors import RockerbogieError
 TOO_STEEP = 1.3
 
 #: Number of steps of `_steps`.
-STEPS = 28
+STEPS = 29
 
 
 class Compiled(NamedTuple):
@@ -66,6 +66,7 @@ def _steps() -> Iterator[Callable[[], object]]:
     from .dynamics.predict import predict
     from .figures.render import Camera, Mesh, render
     from .logs.odometry import odometry
+    from .motion.body_twist import body_twist
     from .motion.drive import drive
     from .motion.jacobian import wheel_jacobians
     from .motion.path import Path
@@ -102,6 +103,7 @@ def _steps() -> Iterator[Callable[[], object]]:
         yield partial(predict, rover, level, None, Path.straight((0.0, 0.0), 0.0, 0.1), friction=0.8, details=False)
         yield partial(verify, pose)
     yield partial(wheel_jacobians, rover, pose)
+    yield partial(body_twist, rover, pose)
     yield partial(stability, pose)
     soil = load_soil("lunar-lrv-b")
     yield partial(wheel_soil_forces, soil, 0.25, 0.4, 500.0, 0.1)

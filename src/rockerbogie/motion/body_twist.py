@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .._kernels.jit.parallel import parallel_for
+from .._kernels.odometry import layout as at
+from .._kernels.odometry import twist as kernel
+from ..arrays import Array, flat, spanned
 from ..errors import RockerbogieError
+from ..rover.frames import check_steering
 from ..rover.model import Rover
-from .jacobian import ContactState, batch_shape, contact_rows, reading
-
-Array = NDArray[np.float64]
+from .jacobian import ContactState, batch_shape, contact_planes, reading
 
 UNKNOWNS = 9  # twist, rocker rate, bogie rates
 
@@ -97,86 +101,69 @@ def body_twist(
     Raises:
         RockerbogieError: a pose of another rover, a reading whose shape does not fit, or that is infinite.
     """
-    readings: dict[str, tuple[Array, Array]] = {}
-    noise = noise or SensorNoise()
-    if rocker_rate is not None:
-        readings["rocker_rate"] = _direct(reading("rocker_rate", rocker_rate)[..., None], [6], noise.joint_rate)
-    if bogie_rates is not None:
-        readings["bogie_rates"] = _direct(reading("bogie_rates", bogie_rates, 2), [7, 8], noise.joint_rate)
-    if gyro is not None:
-        readings["gyro"] = _direct(reading("gyro", gyro, 3), [3, 4, 5], noise.gyro)
-    if inclinometer_rates is not None:
-        readings["inclinometer_rates"] = _leaning(pose, reading("inclinometer_rates", inclinometer_rates, 2), noise.inclinometer)
-    turned = np.zeros(6) if steering_rates is None else reading("steering_rates", steering_rates, 6)
-    rolled = np.full(6, np.nan)
-    if wheel_rates is not None:
-        rolled = rover.wheel_radius * reading("wheel_rates", wheel_rates, 6)
+    noise, prior, rate = noise or SensorNoise(), prior or RatePrior(), np.zeros(2)
+    unmeasured = np.full(3, np.nan)
+    wheels = rover.wheel_radius * (np.full(6, np.nan) if wheel_rates is None else reading("wheel_rates", wheel_rates, 6))
     slip = np.zeros((6, 3)) if expected_slip is None else reading("expected_slip", expected_slip, 6, 3)
-    rows = contact_rows(rover, pose, steering)
-    given = {"steering_rates": turned.shape[:-1], "wheel_rates": rolled.shape[:-1], "expected_slip": slip.shape[:-2]}
-    given |= {name: value.shape[:-1] for name, (_, value) in readings.items()}
-    batch_shape(pose=rows.shape[:-3], **given)
-    equations = [
-        _equations(rows[..., 0, :], rolled + slip[..., 0], turned, noise.roll_slip),
-        _equations(rows[..., 1, :], slip[..., 1], turned, noise.side_slip),
-        _equations(rows[..., 2, :], slip[..., 2], turned, noise.lift),
-        *readings.values(),
-        *(_prior_equations(pose, readings, prior) if prior is not None else ()),
+    rocker = unmeasured[:1] if rocker_rate is None else reading("rocker_rate", rocker_rate)[..., None]
+    bogies = unmeasured[:2] if bogie_rates is None else reading("bogie_rates", bogie_rates, 2)
+    angular = unmeasured if gyro is None else reading("gyro", gyro, 3)
+    tilting = unmeasured[:2] if inclinometer_rates is None else reading("inclinometer_rates", inclinometer_rates, 2)
+    turned = np.zeros(6) if steering_rates is None else reading("steering_rates", steering_rates, 6)
+    planes = contact_planes(rover, pose)
+    turn = planes.steering if steering is None else check_steering(rover, steering)
+    tilt = _attitude(pose)
+    if tilt is None and inclinometer_rates is not None:
+        raise RockerbogieError("inclinometer_rates need the attitude: give a pose that has roll and pitch")
+    if tilt is not None:  # without an attitude, its rates say nothing
+        lost = np.isnan(tilt).any(axis=-1, keepdims=True)
+        tilting, rate = np.where(lost, np.nan, tilting), np.where(lost, np.nan, rate)
+    given = {"wheel_rates": wheels, "rocker_rate": rocker, "bogie_rates": bogies, "gyro": angular, "inclinometer_rates": tilting}
+    shapes = {name: value.shape[:-1] for name, value in (given | {"steering_rates": turned, "steering": turn}).items()}
+    shape = batch_shape(pose=planes.shape, expected_slip=slip.shape[:-2], **shapes)
+    parts: list[tuple[int, int, Array, ArrayLike]] = [
+        (at.E_ALONG, 6, wheels + slip[..., 0], noise.roll_slip),
+        (at.E_ACROSS, 6, slip[..., 1], noise.side_slip),
+        (at.E_OFF, 6, slip[..., 2], noise.lift),
+        (at.E_JOINT, 1, rocker, noise.joint_rate),
+        (at.E_JOINT + 1, 2, bogies, noise.joint_rate),
+        (at.E_GYRO, 3, angular, noise.gyro),
+        (at.E_TILT, 2, tilting, noise.inclinometer),
+        (at.E_PRIOR_JOINT, 3, np.zeros(3), np.asarray(prior.joint, dtype=float)[..., None]),
+        (at.E_PRIOR_TILT, 2, rate, np.asarray(prior.tilt, dtype=float)[..., None]),
     ]
-    shape = np.broadcast_shapes(rows.shape[:-3], turned.shape[:-1], *(value.shape[:-1] for _, value in equations))
-    A = np.concatenate([np.broadcast_to(a, (*shape, *a.shape[-2:])) for a, _ in equations], axis=-2)
-    b = np.concatenate([np.broadcast_to(v, (*shape, v.shape[-1])) for _, v in equations], axis=-1)
-    x, covariance = _least_squares(A, b)
+    shape = np.broadcast_shapes(shape, *(np.broadcast_shapes(np.shape(sigma), (size,))[:-1] for _, size, _, sigma in parts))
+    values, sigmas = np.empty((*shape, at.E_SIZE)), np.empty((*shape, at.E_SIZE))
+    for first, size, value, sigma in parts:
+        values[..., first : first + size] = value
+        sigmas[..., first : first + size] = sigma
+    readings = planes.readings(shape, turn)
+    readings[..., at.R_STEERING_RATE : at.R_STEERING_RATE + 6] = turned
+    n = math.prod(shape)
+    A, counts, rows = np.empty((n, at.E_SIZE, UNKNOWNS + 1)), np.empty(n, dtype=np.int64), np.empty((*shape, 6, 4, UNKNOWNS + 1))
+    x, covariance = np.empty((n, UNKNOWNS)), np.empty((n, UNKNOWNS, UNKNOWNS))
+    tilts = np.full((n, 2), np.nan) if tilt is None else flat(spanned(tilt, (*shape, 2)), 2)
+    parallel_for(
+        kernel.twist_batch, n, rover.packed, rover.steers.copy(), flat(readings, at.R_SIZE), *planes.flat(shape),
+        steering is not None, tilts, flat(values, at.E_SIZE), flat(sigmas, at.E_SIZE),
+        A, counts, x, covariance, flat(rows, 6, 4, UNKNOWNS + 1),
+    )  # fmt: skip
+    open_ = counts < 0
+    if open_.any():  # sensors that do not determine the whole motion
+        x[open_], covariance[open_] = _least_squares(A[open_, :, :UNKNOWNS], A[open_, :, UNKNOWNS])
+    x, covariance = x.reshape(*shape, UNKNOWNS), covariance.reshape(*shape, UNKNOWNS, UNKNOWNS)
     # Unknowns that are not determined are NaN, and so is every contact that depends on them.
-    contact = np.einsum("...ijk,...k->...ij", rows[..., :3, :9], x) + rows[..., :3, 9] * turned[..., None]
-    contact[..., 0] -= rolled
+    contact = (rows[..., :3, :UNKNOWNS] @ x[..., None, :, None])[..., 0] + rows[..., :3, UNKNOWNS] * turned[..., None]
+    contact[..., 0] -= wheels
     return Motion(x[..., :6], covariance[..., :6, :6], x[..., 6], x[..., 7:], contact)
 
 
-def _equations(row: Array, value: Array, steering_rates: Array, sigma: ArrayLike) -> tuple[Array, Array]:
-    """Return the whitened equations row · unknowns = value; a NaN value removes its equation."""
-    weight = 1.0 / np.asarray(sigma, dtype=float)
-    right = value - row[..., 9] * steering_rates
-    known = np.isfinite(right) & np.isfinite(row).all(axis=-1)
-    weight = np.where(known, weight, 0.0)
-    return weight[..., None] * np.where(known[..., None], row[..., :UNKNOWNS], 0.0), weight * np.where(known, right, 0.0)
-
-
-def _direct(value: Array, columns: list[int], sigma: ArrayLike) -> tuple[Array, Array]:
-    """Return the whitened equations of sensors that measure the unknowns of `columns`."""
-    row = np.eye(UNKNOWNS + 1)[columns]
-    return _equations(np.broadcast_to(row, (*value.shape[:-1], *row.shape)), value, np.zeros(1), sigma)
-
-
-def _prior_equations(pose: ContactState, readings: dict[str, tuple[Array, Array]], prior: RatePrior) -> list[tuple[Array, Array]]:
-    """Return whitened equations `rate = 0` of the unknowns that no reading measures."""
-    found = []
-    for columns, sigma in (([6], prior.joint), ([7, 8], prior.joint), ([3, 4], prior.tilt)):
-        width = np.asarray(sigma, dtype=float)[..., None]
-        seen = np.zeros((), dtype=bool)
-        for rows, _ in readings.values():
-            seen = seen | (np.abs(rows[..., columns]) > 0).any(axis=(-1, -2))
-        if seen.all():
-            continue
-        value = np.where(seen, np.nan, np.zeros(width.shape[:-1]))[..., None]
-        value = np.broadcast_to(value, (*value.shape[:-1], len(columns)))
-        if columns == [3, 4] and hasattr(pose, "pitch") and not callable(getattr(pose, "roll", len)):
-            found.append(_leaning(pose, value, width))
-        else:
-            found.append(_direct(value, columns, width))
-    return found
-
-
-def _leaning(pose: ContactState, rates: Array, sigma: ArrayLike) -> tuple[Array, Array]:
-    """Return the whitened equations of roll and pitch rate by angular velocity (eq. 10)."""
+def _attitude(pose: ContactState) -> Array | None:
+    """Return roll and pitch (..., 2) of a pose, rad, or None if it has none."""
     if not (hasattr(pose, "roll") and hasattr(pose, "pitch")) or callable(pose.roll):  # a Dataset's roll is its method
-        raise RockerbogieError("inclinometer_rates need the attitude: give a pose that has roll and pitch")
+        return None
     roll, pitch = np.asarray(pose.roll, dtype=float), np.asarray(pose.pitch, dtype=float)
-    row = np.zeros((*np.broadcast_shapes(roll.shape, pitch.shape), 2, UNKNOWNS + 1))
-    row[..., 0, 3] = 1.0
-    row[..., 0, 4], row[..., 0, 5] = np.sin(roll) * np.tan(pitch), np.cos(roll) * np.tan(pitch)
-    row[..., 1, 4], row[..., 1, 5] = np.cos(roll), -np.sin(roll)
-    return _equations(row, rates, np.zeros(1), sigma)
+    return np.stack(np.broadcast_arrays(roll, pitch), axis=-1)
 
 
 def _least_squares(A: Array, b: Array) -> tuple[Array, Array]:

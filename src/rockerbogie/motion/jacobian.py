@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from .._kernels.jit.parallel import parallel_for
 from .._kernels.model import jacobians as kernel
+from .._kernels.odometry import layout as at
 from ..arrays import Array, flat, flat_steering, spanned
 from ..errors import RockerbogieError
 from ..rover.frames import contact_frames, joint_angles, wheel_frames
@@ -190,6 +191,82 @@ def system_jacobian(rover: Rover, pose: ContactState, steering: ArrayLike | None
     return S
 
 
+@dataclass(frozen=True, eq=False)
+class ContactPlanes:
+    """Joint angles of a pose, and the planes that its wheels stand on, as kernels take them."""
+
+    rocker: Array  # (...) rad
+    bogie: Array  # (..., 2) rad
+    steering: Array  # (..., 6) rad
+    contact_angle: Array  # (..., 6) rad
+    planes: (
+        Array | None
+    )  # (..., 6, 4) terrain normal in the body and place of the contact along the axle, m; None: upright wheels
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Batch shape."""
+        return self.rocker.shape
+
+    def readings(self, shape: tuple[int, ...], steering: Array) -> Array:
+        """Return readings of an interval with these joints and other steering angles.
+
+        Args:
+            shape: batch shape to broadcast to.
+            steering: (..., 6) rad.
+
+        Returns:
+            (*shape, R_SIZE), with all rates 0.
+        """
+        found = np.zeros((*shape, at.R_SIZE))
+        found[..., at.R_ROCKER] = self.rocker
+        found[..., at.R_BOGIE : at.R_BOGIE + 2] = self.bogie
+        found[..., at.R_STEERING : at.R_STEERING + 6] = steering
+        return found
+
+    def flat(self, shape: tuple[int, ...]) -> tuple[Array, Array, Array]:
+        """Return steering angles, contact angles and planes as flat arrays.
+
+        Args:
+            shape: batch shape to broadcast to.
+
+        Returns:
+            Steering and contact angles (n, 6), rad, and planes (n, 6, 4), or (0, 6, 4) for upright wheels.
+        """
+        planes = np.empty((0, 6, 4)) if self.planes is None else flat(spanned(self.planes, (*shape, 6, 4)), 6, 4)
+        return flat(spanned(self.steering, (*shape, 6)), 6), flat(spanned(self.contact_angle, (*shape, 6)), 6), planes
+
+
+def contact_planes(rover: Rover, pose: ContactState) -> ContactPlanes:
+    """Return the planes that the wheels of a pose stand on.
+
+    Args:
+        rover: the pose's rover.
+        pose: as for `contact_rows`.
+
+    Returns:
+        The planes: those of the terrain for a settled `Pose` or a stance with normals.
+
+    Raises:
+        RockerbogieError: as `wheel_jacobians`.
+    """
+    q, b, turn, delta = stance_angles(rover, pose, None)
+    planes = None
+    if isinstance(pose, SimpleStance):
+        if pose.normal is not None:
+            planes = np.zeros((*np.shape(pose.normal)[:-1], 4))
+            planes[..., :3] = pose.normal
+    elif hasattr(pose, "contact_normal"):
+        T = pose.T_world_body[..., None, :3, :]  # type: ignore[attr-defined]
+        R, p = T[..., :3], T[..., 3]
+        axle = pose.axle_frames if isinstance(pose, Pose) else wheel_frames(rover, q, b, turn)
+        planes = np.empty((*q.shape, 6, 4))
+        planes[..., :3] = np.einsum("...ji,...j->...i", R, pose.contact_normal)
+        point = np.einsum("...ji,...j->...i", R, pose.contact_point - p)  # type: ignore[attr-defined]
+        planes[..., 3] = ((point - axle[..., :3, 3]) * axle[..., :3, 1]).sum(axis=-1)
+    return ContactPlanes(q, b, turn, delta, planes)
+
+
 def contact_rows(rover: Rover, pose: ContactState, steering: ArrayLike | None = None) -> Array:
     """Return each wheel's contact velocity as rows of a rigid wheel whose motor holds still.
 
@@ -209,20 +286,15 @@ def contact_rows(rover: Rover, pose: ContactState, steering: ArrayLike | None = 
     Raises:
         RockerbogieError: as `wheel_jacobians`.
     """
-    q, b, turn, delta = stance_angles(rover, pose, None)
+    stood = contact_planes(rover, pose)
+    q, b, turn, delta, planes = stood.rocker, stood.bogie, stood.steering, stood.contact_angle, stood.planes
     if isinstance(pose, Pose):
         axle, contact = pose.axle_frames, pose.contact_frames
     else:
         axle = wheel_frames(rover, q, b, turn)
         contact = contact_frames(rover, axle, delta)
-    normal, aside = contact[..., :3, 2], np.zeros((*q.shape, 6, 1))
-    if isinstance(pose, SimpleStance):
-        normal = normal if pose.normal is None else pose.normal
-    elif hasattr(pose, "contact_normal"):
-        R, p = pose.T_world_body[..., None, :3, :3], pose.T_world_body[..., None, :3, 3]  # type: ignore[attr-defined]
-        normal = np.einsum("...ji,...j->...i", R, pose.contact_normal)
-        point = np.einsum("...ji,...j->...i", R, pose.contact_point - p)  # type: ignore[attr-defined]
-        aside = ((point - axle[..., :3, 3]) * axle[..., :3, 1]).sum(axis=-1, keepdims=True)
+    normal = contact[..., :3, 2] if planes is None else planes[..., :3]
+    aside = np.zeros((*q.shape, 6, 1)) if planes is None else planes[..., 3:]
     if steering is not None:
         q, b, turn, _ = stance_angles(rover, pose, steering)
         axle = wheel_frames(rover, q, b, turn)

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array
+from .._kernels.jit.parallel import parallel_for
+from .._kernels.odometry import commands as kernel
+from .._kernels.odometry import layout as at
+from ..arrays import Array, flat, spanned
 from ..errors import RockerbogieError
+from ..rover.frames import check_steering
 from ..rover.model import Rover
-from .jacobian import ContactState, batch_shape, contact_rows, reading, solve_each
+from .jacobian import ContactState, batch_shape, contact_planes, reading
 
 if TYPE_CHECKING:
     import xarray as xr
 
-ITERATIONS = 12  # of the steering; each reduces the error to a tenth or less
 EDGE = 1e-6  # share of a step over which commands change from one rate to the next
 
 
@@ -71,24 +75,31 @@ def wheel_commands(
         RockerbogieError: a pose of another rover, a shape that does not fit, or a limit that is not above 0.
     """
     wanted = reading("twist", twist, 6)
-    if not wheel_rate_limit > 0 or not (np.asarray(steering_limit) > 0).all():
+    limit = np.asarray(steering_limit, dtype=float)
+    if not wheel_rate_limit > 0 or not (limit > 0).all():
         raise RockerbogieError(f"limits are {wheel_rate_limit} rad/s and {steering_limit!r} rad; give numbers above 0")
-    batch_shape(pose=np.shape(pose.rocker), twist=wanted.shape[:-1])
-    if steering is None:
-        free = _steer(rover, pose, wanted, near, np.asarray(steering_limit, dtype=float))
-        turn = np.clip(free, -np.asarray(steering_limit), steering_limit)
+    limits = np.full((2, 6), np.inf)  # beyond which a wheel turns by half a turn, and of the command
+    if steering is not None:
+        given = check_steering(rover, steering)
     else:
-        turn = free = np.asarray(steering, dtype=float)
-    rows = contact_rows(rover, pose, turn)
-    motion = _on_terrain(rows, wanted)
-    slip = np.einsum("...ijk,...k->...ij", rows[..., :9], motion)
-    rates = slip[..., 0] / rover.wheel_radius
+        given = np.zeros(6) if near is None else np.where(rover.steers, reading("near", near, 6), 0.0)
+        limits[0 if near is not None else 1 :] = limit
+    planes = contact_planes(rover, pose)
+    shape = batch_shape(pose=planes.shape, twist=wanted.shape[:-1], steering=given.shape[:-1])
+    out = np.empty((*shape, at.C_SIZE))
+    parallel_for(
+        kernel.commands_batch, math.prod(shape), rover.packed, rover.steers.copy(),
+        flat(planes.readings(shape, given), at.R_SIZE), *planes.flat(shape),
+        flat(spanned(wanted[..., [0, 1, 5]], (*shape, 3)), 3), limits, steering is not None, flat(out, at.C_SIZE),
+    )  # fmt: skip
+    free, motion, rates = out[..., : at.C_MOTION], out[..., at.C_MOTION : at.C_RATE], out[..., at.C_RATE : at.C_SIDE_SLIP]
+    side_slip, turn_slip = out[..., at.C_SIDE_SLIP : at.C_TURN_SLIP], out[..., at.C_TURN_SLIP :]
     fastest = np.abs(rates).max(axis=-1)
     scale = np.minimum(1.0, np.divide(wheel_rate_limit, fastest, out=np.full(fastest.shape, np.inf), where=fastest > 0))
-    motion, slip, rates = motion * scale[..., None], slip * scale[..., None, None], rates * scale[..., None]
-    turn, free = np.broadcast_to(turn, rates.shape), np.broadcast_to(free, rates.shape)
+    turn, each = np.clip(free, -limits[1], limits[1]), scale[..., None]
+    twist_made, joints = motion[..., :6] * each, motion[..., 6:] * each
     return Commands(
-        rates, turn, motion[..., :6], motion[..., 6], motion[..., 7:], scale, free - turn, slip[..., 1], slip[..., 3]
+        rates * each, turn, twist_made, joints[..., 0], joints[..., 1:], scale, free - turn, side_slip * each, turn_slip * each
     )  # fmt: skip
 
 
@@ -213,43 +224,3 @@ def turning_axis(rover: Rover) -> float:
     """
     fixed = ~rover.steers
     return float(rover.hubs[fixed if fixed.any() else slice(2, 4), 0].mean())
-
-
-def _on_terrain(rows: Array, wanted: Array) -> Array:
-    """Return the motion (..., 9) with the wanted vx, vy, ωz and no lift; NaN if there is none."""
-    lift = rows[..., 2, :9]
-    given, found = [0, 1, 5], [2, 3, 4, 6, 7, 8]
-    right = -np.einsum("...ij,...j->...i", lift[..., given], wanted[..., given])
-    motion = np.empty((*right.shape[:-1], 9))
-    motion[..., given] = wanted[..., given]
-    motion[..., found] = solve_each(lift[..., found], right)
-    return motion
-
-
-def _steer(rover: Rover, pose: ContactState, wanted: Array, near: ArrayLike | None, limit: Array) -> Array:
-    """Return the steering (..., 6) at which no steered wheel slips sideways.
-
-    A wheel at rest keeps its angle. With `near`, a wheel whose nearest angle is beyond `limit` gets the angle half a turn
-    from it, if that is within the limit.
-    """
-    if near is None:
-        return _turn_to_rolling(rover, pose, wanted, np.zeros(6))
-    present = np.where(rover.steers, reading("near", near, 6), 0.0)
-    turn = _turn_to_rolling(rover, pose, wanted, present)
-    other = turn - np.copysign(np.pi, turn)
-    flip = (np.abs(turn) > limit) & (np.abs(other) <= limit)
-    return _turn_to_rolling(rover, pose, wanted, np.where(flip, other, turn)) if flip.any() else turn
-
-
-def _turn_to_rolling(rover: Rover, pose: ContactState, wanted: Array, turn: Array) -> Array:
-    """Return the steering (..., 6) without side slip that is nearest to `turn` (..., 6)."""
-    for _ in range(ITERATIONS):
-        rows = contact_rows(rover, pose, turn)
-        going = np.einsum("...ijk,...k->...ij", rows[..., :2, :9], _on_terrain(rows, wanted))
-        still = ~(np.hypot(going[..., 0], going[..., 1]) >= 1e-12)  # NaN too: such a pose keeps its angles
-        ahead = np.where(going[..., 0] < 0, -1.0, 1.0)  # a wheel rolls backward as well as forward
-        change = np.where(rover.steers & ~still, np.arctan2(ahead * going[..., 1], ahead * going[..., 0]), 0.0)
-        turn = turn + change
-        if np.abs(change).max(initial=0.0) < 1e-13:
-            break
-    return turn

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .._kernels.jit.parallel import parallel_for
 from .._kernels.odometry import commands as kernel
 from .._kernels.odometry import layout as at
 from ..errors import RockerbogieError, expect
@@ -156,12 +157,15 @@ class WheelController:
 
     def _run(self, reading: Array, contact: Array, wanted: Array, *, fixed: bool) -> tuple[Array, Array, Array, Array]:
         """Return free steering (6,), motion (9,), wheel rates (6,), side slip (6,) of a twist (3,)."""
-        turn, motion, rates, slip = np.empty(6), np.empty(9), np.empty(6), np.empty(6)
-        kernel.commands(
-            self.rover.packed, self.rover.steers.copy(), reading, contact, wanted, self.steering_limit, fixed,
-            turn, motion, rates, slip,
+        out, steering = np.empty((1, at.C_SIZE)), reading[None, at.R_STEERING : at.R_STEERING + 6].copy()
+        limits = np.stack([self.steering_limit, self.steering_limit])
+        parallel_for(
+            kernel.commands_batch, 1, self.rover.packed, self.rover.steers.copy(), reading[None], steering, contact[None],
+            np.empty((0, 6, 4)), wanted[None], limits, fixed, out,
         )  # fmt: skip
-        return turn, motion, rates, slip
+        row = out[0]
+        turn, motion, rates = row[: at.C_MOTION], row[at.C_MOTION : at.C_RATE], row[at.C_RATE : at.C_SIDE_SLIP]
+        return turn, motion, rates, row[at.C_SIDE_SLIP : at.C_TURN_SLIP]
 
 
 def _finite(name: str, value: ArrayLike, *shapes: tuple[int, ...]) -> Array:

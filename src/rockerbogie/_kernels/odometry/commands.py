@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 
 from ..jit.decorators import njit
 from ..model.linkage import P_RADIUS
-from .layout import R_SIZE, R_STEERING, R_STEERING_RATE
+from .layout import C_MOTION, C_RATE, C_SIDE_SLIP, C_TURN, C_TURN_SLIP, R_STEERING, R_STEERING_RATE
 from .least_squares import least_squares
-from .motion import ACROSS, ALONG, FORWARD, OFF, TURN, UNKNOWNS, UP, set_contact_rows, set_wheels
+from .motion import ACROSS, ALONG, ASIDE, FORWARD, OFF, TURN, UNKNOWNS, UP, set_contact_rows, set_wheels
 
 Array = NDArray[np.float64]
 
-#: Iterations of the steering, each of which reduces the error to a tenth or less; change that ends them, rad; least speed with a
-#: direction, m/s.
-ITERATIONS, SETTLED, STANDING = 12, 1e-13, 1e-12
+#: Most iterations of the steering, each of which reduces the error to about a tenth; change that ends them, rad; least speed
+#: with a direction, m/s.
+ITERATIONS, SETTLED, STANDING = 24, 1e-13, 1e-12
 
 
 @njit
@@ -25,7 +25,7 @@ def set_rows(
     rover: Array,
     steers: NDArray[np.bool_],
     reading: Array,
-    normals: Array,
+    planes: Array,
     frame: Array,
     joint: Array,
     contact: Array,
@@ -37,7 +37,7 @@ def set_rows(
         rover: (P_SIZE,) packed rover.
         steers: (6,) True for wheels that steer.
         reading: (R_SIZE,) rocker, bogie and steering angles.
-        normals: (6, 3) of the planes in the body.
+        planes: (6, 4) of the terrain, as `set_contact_rows` takes them.
         frame, joint: scratch, as of `set_wheels`.
         contact: (6,) filled with contact angles, rad.
         rows: (6, 4, 10) filled, as of `set_contact_rows`.
@@ -46,10 +46,31 @@ def set_rows(
     for i in range(6):
         ahead = up = 0.0
         for n in range(3):
-            ahead += normals[i, n] * frame[i, FORWARD + n]
-            up += normals[i, n] * frame[i, UP + n]
+            ahead += planes[i, n] * frame[i, FORWARD + n]
+            up += planes[i, n] * frame[i, UP + n]
         contact[i] = math.atan2(ahead, up)
-    set_contact_rows(rover, frame, joint, normals, contact, rows)
+    set_contact_rows(rover, frame, joint, planes, contact, rows)
+
+
+@njit
+def set_planes(rover: Array, steers: NDArray[np.bool_], reading: Array, steering: Array, contact: Array, planes: Array) -> None:
+    """Compute the planes that upright wheels stand on at given steering and contact angles.
+
+    Args:
+        rover: (P_SIZE,) packed rover.
+        steers: (6,) True for wheels that steer.
+        reading: (R_SIZE,) rocker and bogie angles.
+        steering, contact: (6,) angles, rad.
+        planes: (6, 4) filled, as `set_contact_rows` takes them.
+    """
+    frame, joint, stood = np.empty((6, 12)), np.empty((6, 4, 6)), reading.copy()
+    stood[R_STEERING : R_STEERING + 6] = steering
+    set_wheels(rover, steers, stood, frame, joint)
+    for i in range(6):
+        c, s = math.cos(contact[i]), math.sin(contact[i])
+        planes[i, ASIDE] = 0.0
+        for n in range(3):
+            planes[i, n] = s * frame[i, FORWARD + n] + c * frame[i, UP + n]
 
 
 @njit
@@ -73,38 +94,31 @@ def on_terrain(rows: Array, wanted: Array, motion: Array, A: Array, x: Array, sq
 
 @njit
 def commands(
-    rover: Array, steers: NDArray[np.bool_], reading: Array, contact: Array, wanted: Array, limit: Array,
-    fixed: bool, turn: Array, motion: Array, rates: Array, slip: Array,
-) -> None:  # fmt: skip
+    rover: Array, steers: NDArray[np.bool_], reading: Array, planes: Array, wanted: Array, limits: Array, fixed: bool, out: Array
+) -> None:
     """Compute steering and wheel rates for a wanted motion (`motion.wheel_commands`).
 
     Args:
         rover: (P_SIZE,) packed rover.
         steers: (6,) True for wheels that steer.
-        reading: (R_SIZE,) present rocker, bogie and steering angles, rad, and steering rates, rad/s, which wheels roll with.
-        contact: (6,) present contact angles, rad, which give the planes that the wheels stand on.
+        reading: (R_SIZE,) rocker and bogie angles, steering angles to start from, rad; steering rates that wheels roll with,
+            rad/s.
+        planes: (6, 4) of the terrain, as `set_contact_rows` takes them.
         wanted: (3,) vx, vy, m/s, and ωz, rad/s.
-        limit: (6,) largest steering angles, rad.
+        limits: (2, 6) steering angles beyond which a wheel is turned by half a turn, and largest steering angles, rad.
         fixed: True to keep the present steering.
-        turn: (6,) filled with the steering at which no wheel slips sideways, rad; not limited.
-        motion: (9,) filled with twist and rates of rocker and bogies at the limited steering.
-        rates: (6,) filled with wheel rates at the limited steering, rad/s.
-        slip: (6,) filled with slip across the wheels at the limited steering, m/s.
+        out: (C_SIZE,) filled.
     """
-    frame, joint, rows, normals = np.empty((6, 12)), np.empty((6, 4, 6)), np.empty((6, 4, 10)), np.empty((6, 3))
-    A, x, square, inverse, touch = np.empty((6, 7)), np.empty(6), np.empty((6, 6)), np.empty((6, 6)), np.empty(6)
-    now = np.empty(R_SIZE)
-    now[:] = reading
-    set_wheels(rover, steers, reading, frame, joint)
+    frame, joint, rows = np.empty((6, 12)), np.empty((6, 4, 6)), np.empty((6, 4, 10))
+    A, x, square, inverse, contact = np.empty((6, 7)), np.empty(6), np.empty((6, 6)), np.empty((6, 6)), np.empty(6)
+    now = reading.copy()
+    turn, motion = out[C_TURN : C_TURN + 6], out[C_MOTION : C_MOTION + UNKNOWNS]
     for i in range(6):
-        c, s = math.cos(contact[i]), math.sin(contact[i])
         turn[i] = reading[R_STEERING + i]
-        for n in range(3):
-            normals[i, n] = s * frame[i, FORWARD + n] + c * frame[i, UP + n]
     for attempt in range(0 if fixed else 2):
         for _ in range(ITERATIONS):
             now[R_STEERING : R_STEERING + 6] = turn
-            set_rows(rover, steers, now, normals, frame, joint, touch, rows)
+            set_rows(rover, steers, now, planes, frame, joint, contact, rows)
             on_terrain(rows, wanted, motion, A, x, square, inverse)
             largest = 0.0
             for i in range(6):
@@ -123,19 +137,48 @@ def commands(
         flipped = False
         for i in range(6):
             other = turn[i] - math.copysign(math.pi, turn[i])
-            if attempt == 0 and abs(turn[i]) > limit[i] and abs(other) <= limit[i]:
+            if attempt == 0 and abs(turn[i]) > limits[0, i] and abs(other) <= limits[0, i]:
                 turn[i] = other
                 flipped = True
         if not flipped:
             break
     for i in range(6):
-        now[R_STEERING + i] = min(limit[i], max(-limit[i], turn[i]))
-    set_rows(rover, steers, now, normals, frame, joint, touch, rows)
+        now[R_STEERING + i] = min(limits[1, i], max(-limits[1, i], turn[i]))
+    set_rows(rover, steers, now, planes, frame, joint, contact, rows)
     on_terrain(rows, wanted, motion, A, x, square, inverse)
     for i in range(6):
         along = rows[i, ALONG, TURN] * reading[R_STEERING_RATE + i]
-        slip[i] = rows[i, ACROSS, TURN] * reading[R_STEERING_RATE + i]
+        across = rows[i, ACROSS, TURN] * reading[R_STEERING_RATE + i]
         for n in range(UNKNOWNS):
             along += rows[i, ALONG, n] * motion[n]
-            slip[i] += rows[i, ACROSS, n] * motion[n]
-        rates[i] = along / rover[P_RADIUS + i]
+            across += rows[i, ACROSS, n] * motion[n]
+        c, s, about = math.cos(contact[i]), math.sin(contact[i]), 0.0
+        for n in range(3):
+            spin = motion[3 + n]
+            for j in range(3):
+                spin -= joint[i, j, 3 + n] * motion[6 + j]
+            about += (s * frame[i, FORWARD + n] + c * frame[i, UP + n]) * spin
+        out[C_RATE + i], out[C_SIDE_SLIP + i], out[C_TURN_SLIP + i] = along / rover[P_RADIUS + i], across, about
+
+
+@njit
+def commands_batch(
+    rover: Array, steers: NDArray[np.bool_], reading: Array, steering: Array, contact: Array, planes: Array, wanted: Array,
+    limits: Array, fixed: bool, out: Array, start: int, stop: int,
+) -> None:  # fmt: skip
+    """Compute `commands` for each pose.
+
+    Args:
+        rover, steers, limits, fixed: as `commands` takes them.
+        reading: (n, R_SIZE).
+        steering, contact: (n, 6) angles at which upright wheels stand on the terrain, rad; used if there are no planes.
+        planes: (n, 6, 4) of the terrain, or (0, 6, 4).
+        wanted: (n, 3).
+        out: (n, C_SIZE) filled.
+        start, stop: range of poses.
+    """
+    upright = np.empty((6, 4))
+    for k in range(start, stop):
+        if planes.shape[0] == 0:
+            set_planes(rover, steers, reading[k], steering[k], contact[k], upright)
+        commands(rover, steers, reading[k], upright if planes.shape[0] == 0 else planes[k], wanted[k], limits, fixed, out[k])

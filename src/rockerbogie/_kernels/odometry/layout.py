@@ -38,3 +38,20 @@ T_COVARIANCE = 12  # (6, 6) of position and rotation about fixed axes, m² and r
 T_FLAT, T_LENGTH = 48, 49  # horizontal length, and length in three dimensions, m
 T_START = 50  # (3,) position of the start, m
 T_SIZE = 53
+
+# Commands of a pose.
+C_TURN = 0  # (6,) steering at which no wheel slips sideways, not limited, rad
+C_MOTION = 6  # (9,) twist, m/s and rad/s, and rates of rocker and bogies at the limited steering, rad/s
+C_RATE = 15  # (6,) wheel rates at the limited steering, rad/s
+C_SIDE_SLIP = 21  # (6,) slip across the wheels there, m/s
+C_TURN_SLIP = 27  # (6,) turn slip about z of the contact frame there, rad/s
+C_SIZE = 33
+
+# Equations of a twist from sensors, in order: their values and standard deviations.
+E_ALONG, E_ACROSS, E_OFF = 0, 6, 12  # (6,) each, of the contacts, m/s
+E_JOINT = 18  # (3,) rates of rocker and bogies, rad/s
+E_GYRO = 21  # (3,) rad/s
+E_TILT = 24  # (2,) rates of roll and pitch, rad/s
+E_PRIOR_JOINT = 26  # (3,) about 0, for joints without a reading
+E_PRIOR_TILT = 29  # (2,) about 0, of roll and pitch, without gyro and inclinometer
+E_SIZE = 31

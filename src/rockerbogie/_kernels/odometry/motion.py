@@ -47,6 +47,8 @@ UNKNOWNS, EQUATIONS = 9, 28
 HUB, FORWARD, AXLE, UP = 0, 3, 6, 9
 #: Rows of a contact: along its path, across it, off the terrain, and pitch of its link.
 ALONG, ACROSS, OFF, PITCH = 0, 1, 2, 3
+#: Column of a wheel's plane after its normal.
+ASIDE = 3
 #: Column of the steering in a contact's row, after the unknowns.
 TURN = 9
 
@@ -114,19 +116,19 @@ def hub_plane(frame: Array, normal: Array) -> None:
 
 
 @njit
-def set_contact_rows(rover: Array, frame: Array, joint: Array, normals: Array, contact: Array, rows: Array) -> None:
+def set_contact_rows(rover: Array, frame: Array, joint: Array, planes: Array, contact: Array, rows: Array) -> None:
     """Compute the contact rows of six wheels, as `motion.jacobian.contact_rows` defines them.
 
     Args:
         rover: (P_SIZE,) packed rover.
         frame, joint: of `set_wheels`.
-        normals: (6, 3) of the terrain at each wheel, in the body.
+        planes: (6, 4) normal of the terrain at each wheel, in the body, and place of its contact along the axle, m.
         contact: (6,) contact angles, rad.
         rows: (6, 4, 10) filled with ALONG, ACROSS, OFF and PITCH, over the unknowns and the steering rate.
     """
     for i in range(6):
         c, s = math.cos(contact[i]), math.sin(contact[i])
-        normal = normals[i]
+        normal, aside = planes[i], planes[i, ASIDE]
         f, a, u = frame[i, FORWARD : FORWARD + 3], frame[i, AXLE : AXLE + 3], frame[i, UP : UP + 3]
         xx, xy, xz = c * f[0] - s * u[0], c * f[1] - s * u[1], c * f[2] - s * u[2]
         r = rover[P_RADIUS + i]
@@ -140,6 +142,8 @@ def set_contact_rows(rover: Array, frame: Array, joint: Array, normals: Array, c
         rows[i, OFF, 0], rows[i, OFF, 1], rows[i, OFF, 2] = normal[0], normal[1], normal[2]
         for k in range(3):
             vx, vy, vz = rows[i, k, 0], rows[i, k, 1], rows[i, k, 2]
+            if k == OFF:
+                mx, my, mz = mx + aside * a[0], my + aside * a[1], mz + aside * a[2]
             rows[i, k, 3], rows[i, k, 4], rows[i, k, 5] = my * vz - mz * vy, mz * vx - mx * vz, mx * vy - my * vx
         rows[i, PITCH, 0] = rows[i, PITCH, 1] = rows[i, PITCH, 2] = 0.0
         rows[i, PITCH, 3], rows[i, PITCH, 4], rows[i, PITCH, 5] = a[0], a[1], a[2]
@@ -264,7 +268,7 @@ def motion_batch(
         normals: (n, 3) filled with the normal of the hubs' plane in the body.
         start, stop: range of intervals.
     """
-    frame, joint, rows, same = np.empty((6, 12)), np.empty((6, 4, 6)), np.empty((6, 4, 10)), np.empty((6, 3))
+    frame, joint, rows, same = np.empty((6, 12)), np.empty((6, 4, 6)), np.empty((6, 4, 10)), np.zeros((6, 4))
     A, row, inverse = np.empty((EQUATIONS, UNKNOWNS + 1)), np.empty(UNKNOWNS), np.empty((UNKNOWNS, UNKNOWNS))
     plane, expected, sigma, rolled, rim = np.empty(6), np.empty((6, 3)), np.empty(6), np.empty(6), np.empty(6)
     for k in range(start, stop):
@@ -276,7 +280,7 @@ def motion_batch(
             plane[i] = math.atan2(ahead, normal[0] * frame[i, UP] + normal[2] * frame[i, UP + 2])
             rolled[i] = rover[P_RADIUS + i] * now[R_WHEEL + i]
             rim[i] = abs(rolled[i])
-            same[i] = normal
+            same[i, :ASIDE] = normal
         contact[k] = plane
         roll, pitch = now[R_TILT], now[R_TILT + 1]
         if math.isnan(roll) or math.isnan(pitch):

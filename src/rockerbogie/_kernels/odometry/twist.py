@@ -1,0 +1,110 @@
+"""Twist of the body from its sensors by least squares (`motion.body_twist`)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit.decorators import njit
+from .commands import set_planes, set_rows
+from .layout import (
+    E_ACROSS,
+    E_ALONG,
+    E_GYRO,
+    E_JOINT,
+    E_OFF,
+    E_PRIOR_JOINT,
+    E_PRIOR_TILT,
+    E_SIZE,
+    E_TILT,
+    R_STEERING_RATE,
+)
+from .least_squares import least_squares
+from .motion import TURN, UNKNOWNS, set_contact_rows, set_equation, set_wheels
+
+Array = NDArray[np.float64]
+
+
+@njit
+def set_tilt_rows(tilt: Array, rows: Array) -> None:
+    """Compute the rates of roll and pitch by angular velocity (eq. 10).
+
+    Args:
+        tilt: (2,) roll and pitch, rad; NaN for a pose without attitude.
+        rows: (2, UNKNOWNS) filled; ωx and ωy themselves for a pose without attitude.
+    """
+    rows[:] = 0.0
+    rows[0, 3] = rows[1, 4] = 1.0
+    if not (math.isnan(tilt[0]) or math.isnan(tilt[1])):
+        cr, sr, slope = math.cos(tilt[0]), math.sin(tilt[0]), math.tan(tilt[1])
+        rows[0, 4], rows[0, 5], rows[1, 4], rows[1, 5] = sr * slope, cr * slope, cr, -sr
+
+
+@njit
+def twist_batch(
+    rover: Array, steers: NDArray[np.bool_], reading: Array, steering: Array, contact: Array, planes: Array, turned: bool,
+    tilt: Array, value: Array, sigma: Array, A: Array, counts: NDArray[np.int64], motion: Array, covariance: Array, rows: Array,
+    start: int, stop: int,
+) -> None:  # fmt: skip
+    """Solve for the twist of each pose.
+
+    Args:
+        rover: (P_SIZE,) packed rover.
+        steers: (6,) True for wheels that steer.
+        reading: (n, R_SIZE) rocker, bogie and steering angles, rad, and steering rates, rad/s.
+        steering, contact: (n, 6) angles at which the wheels stand on the terrain, rad.
+        planes: (n, 6, 4) of the terrain, as `set_contact_rows` takes them; (0, 6, 4): upright wheels at these angles.
+        turned: True if the steering of `reading` differs from these angles: the contact angles are then computed from the planes.
+        tilt: (n, 2) roll and pitch, rad; NaN for a pose without attitude.
+        value: (n, E_SIZE) readings, NaN where there is none.
+        sigma: (n, E_SIZE) standard deviations.
+        A: (n, E_SIZE, UNKNOWNS + 1) filled with the whitened equations.
+        counts: (n,) filled with their number; negative if they do not determine the motion.
+        motion: (n, UNKNOWNS) filled with twist and rates of rocker and bogies.
+        covariance: (n, UNKNOWNS, UNKNOWNS) filled.
+        rows: (n, 6, 4, 10) filled with the contact rows.
+        start, stop: range of poses.
+    """
+    frame, joint, upright = np.empty((6, 12)), np.empty((6, 4, 6)), np.empty((6, 4))
+    tilts, row, inverse = np.empty((2, UNKNOWNS)), np.empty(UNKNOWNS), np.empty((UNKNOWNS, UNKNOWNS))
+    system, angles = np.empty((E_SIZE, UNKNOWNS + 1)), np.empty(6)
+    for k in range(start, stop):
+        if planes.shape[0] == 0:
+            set_planes(rover, steers, reading[k], steering[k], contact[k], upright)
+        plane = upright if planes.shape[0] == 0 else planes[k]
+        if turned:
+            set_rows(rover, steers, reading[k], plane, frame, joint, angles, rows[k])
+        else:
+            set_wheels(rover, steers, reading[k], frame, joint)
+            set_contact_rows(rover, frame, joint, plane, contact[k], rows[k])
+        y, s, count = value[k], sigma[k], 0
+        for j in range(3):
+            first = E_ALONG if j == 0 else (E_ACROSS if j == 1 else E_OFF)
+            for i in range(6):
+                right = y[first + i] - rows[k, i, j, TURN] * reading[k, R_STEERING_RATE + i]
+                if not math.isnan(rows[k, i, j, :UNKNOWNS].sum()):
+                    count = set_equation(system, count, rows[k, i, j], right, s[first + i])
+        row[:] = 0.0
+        for j in range(3):
+            seen = not math.isnan(y[E_JOINT + j]) if j == 0 else not (math.isnan(y[E_JOINT + 1]) and math.isnan(y[E_JOINT + 2]))
+            row[6 + j] = 1.0
+            count = set_equation(system, count, row, y[E_JOINT + j], s[E_JOINT + j])
+            if not seen and s[E_PRIOR_JOINT + j] < math.inf:
+                count = set_equation(system, count, row, y[E_PRIOR_JOINT + j], s[E_PRIOR_JOINT + j])
+            row[6 + j] = 0.0
+        for j in range(3):
+            row[3 + j] = 1.0
+            count = set_equation(system, count, row, y[E_GYRO + j], s[E_GYRO + j])
+            row[3 + j] = 0.0
+        set_tilt_rows(tilt[k], tilts)
+        turning = not (math.isnan(y[E_GYRO]) and math.isnan(y[E_GYRO + 1]))
+        tilting = not (math.isnan(y[E_TILT]) and math.isnan(y[E_TILT + 1]))
+        for j in range(2):
+            count = set_equation(system, count, tilts[j], y[E_TILT + j], s[E_TILT + j])
+            if not (turning or tilting) and s[E_PRIOR_TILT + j] < math.inf:
+                count = set_equation(system, count, tilts[j], y[E_PRIOR_TILT + j], s[E_PRIOR_TILT + j])
+        A[k, :count] = system[:count]
+        A[k, count:] = 0.0
+        counts[k] = count if count >= UNKNOWNS and least_squares(system, count, motion[k], covariance[k], inverse) else -count - 1
