@@ -7,6 +7,8 @@ checkout's own cache: its key is the contents of the kernel sources, so that thi
 from __future__ import annotations
 
 import os
+import platform
+import signal
 import subprocess
 import sys
 import tomllib
@@ -42,7 +44,19 @@ NEEDED = {
     "ros": ("odometry log.mcap -r curiosity", "odometry log.db3 -r curiosity", "drive -t surface:plane -o out --mcap"),
     "scale": ("map surface:mars -o map.zarr", "map surface:mars -o map.nc --workers 2", "plan map.zarr --start 0 0 --goal 1 1"),
     "robots": ("settle -t surface:plane -r mesh.urdf",),
+    "ros2": ("ros --rover osr", "ros"),
 }
+#: Wait for a message of the node: the first state of the rover.
+WATCH = """
+import rclpy, sys, time
+from diagnostic_msgs.msg import DiagnosticArray
+rclpy.init()
+node, found, end = rclpy.create_node("watcher"), [], time.monotonic() + 60
+node.create_subscription(DiagnosticArray, "rover/state", found.append, 10)
+while not found and time.monotonic() < end:
+    rclpy.spin_once(node, timeout_sec=0.1)
+print(*(status.name for message in found[:1] for status in message.status), sep=", ")
+"""
 STL = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\n"
 
 
@@ -83,6 +97,30 @@ def build(python: Path, kind: str, folder: Path) -> Path:
     subprocess.run([python, "-m", "hatchling", "build", "-t", kind, "-d", target], cwd=ROOT, check=True, timeout=120)
     (file,) = target.iterdir()
     return file
+
+
+def run_node(python: Path, work: Path, cache: str) -> None:
+    """Start the ROS 2 node of an environment with the extra ros2; check its state, and end it."""
+    clean = {k: v for k, v in os.environ.items() if k not in ("_ROS_WHEELS_BOOTSTRAP_COMPLETE", "LD_LIBRARY_PATH", "PYTHONPATH")}
+    ros = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_DOMAIN_ID": "91", "NUMBA_CACHE_DIR": cache}
+    environment = clean | ros
+    options = {"cwd": work, "env": environment, "capture_output": True, "text": True, "timeout": 120}
+    command = python.with_name("rockerbogie")
+    told = subprocess.run([command, "ros", "--help"], check=False, **options)
+    assert told.returncode == 0, told.stderr
+    assert "cmd_vel" in told.stdout
+    node = subprocess.Popen(
+        [command, "ros", "--rover", "osr"], cwd=work, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+    try:
+        watch = [python, "-c", WATCH]
+        seen = subprocess.run(watch, check=False, **options)
+        node.send_signal(signal.SIGINT)
+        said, _ = node.communicate(timeout=30)
+    finally:
+        node.kill()
+    assert "rockerbogie: sensors, rockerbogie: pose" in seen.stdout, seen.stdout + seen.stderr + said
+    assert node.returncode == 0, said
 
 
 def files_of(package: Path) -> set[str]:
@@ -141,3 +179,7 @@ def test_installed_package_settles_and_names_missing_extras(kind: str, tmp_path:
                 assert done.returncode == 2, f"{line}: {done.returncode}"
                 assert len(done.stderr.splitlines()) == 1, f"{line}: {done.stderr}"
     assert files_of(work) == before, "no output was begun"
+
+    if sys.platform == "linux" and platform.machine() == "x86_64" and sys.version_info < (3, 14):  # wheels of ROS 2
+        run(python, "-m", "pip", "install", "-q", "--no-compile", f"{built}[ros2]")
+        run_node(python, work, cache)
