@@ -25,8 +25,11 @@ def main() -> None:
     parser.add_argument("--parts", type=int, default=5)
     options = parser.parse_args()
     nodes = np.arange(round(SIDE / STEP)) * STEP - SIDE / 2
-    for surface in ("mars", "fractal"):
-        z = getattr(rb.surfaces, surface)().height(nodes, nodes[:, None])
+    for surface in ("mars", "fractal", "mars, 5 % missing"):
+        z = getattr(rb.surfaces, surface.partition(",")[0])().height(nodes, nodes[:, None])
+        if "missing" in surface:  # 20 squares of 1 m, as shadows of rocks
+            for row, col in np.random.default_rng(1).integers(0, len(nodes) - 10, (20, 2)):
+                z[row : row + 10, col : col + 10] = np.nan
         costs = rb.CostMap(rb.load_rover(options.rover), headings=16, interpolation=options.interpolation)
         costs.replace(z[:30, :30], (nodes[0], nodes[0]), STEP)  # compiles kernels
         report(f"{surface}: whole map", lambda z=z, costs=costs: costs.replace(z, (nodes[0], nodes[0]), STEP))

@@ -46,6 +46,8 @@ Array = NDArray[np.float64]
 
 
 COUNTED = 256  # local minima of a tread's gap that contacts are counted from
+REPEATS = 3  # starts that lead to the same pose over missing data again before it is refused
+SAME_POSE = 1e-5  # m and rad, largest difference of two solutions for one pose
 UNSETTLED = 255  # status of a pose that the lanes have not settled
 
 
@@ -286,7 +288,8 @@ def settle_bridged(
 
     A search that finds no terrain in missing cells may fail where another pose lies over known terrain. The first pose found here
     whose treads lie over known terrain counts: there the bridged terrain is the terrain itself. If the search finds no pose at
-    all, a status of NO_DATA becomes NOT_CONVERGED: missing data is not what refuses the pose.
+    all, a status of NO_DATA becomes NOT_CONVERGED: missing data is not what refuses the pose. The search ends once `REPEATS`
+    more starts lead to the pose that was refused first: other solutions, with the linkage folded, then do not count.
 
     Args:
         ground, rover: the packed terrain and rover.
@@ -299,7 +302,7 @@ def settle_bridged(
     """
     buffer = np.empty(WORK_SIZE)
     work, land, car, meta, q = lay_out(buffer), borrow(ground), unowned_view(rover), unowned_view(ground[2]), unowned_view(out)
-    trial, far = np.empty(6), reach(rover)
+    trial, refused, far = np.empty(6), np.empty(6), reach(rover)
     for n in range(start, stop):
         k = left[n]
         set_hub_offsets(car, steering[k if steering.shape[0] > 1 else 0], work.hub_offsets)
@@ -307,8 +310,8 @@ def settle_bridged(
         i0, i1, j0, j1 = cells_around(land, px, py, far)
         grid, missing = bridged_grid(land, i0, i1, j0, j1)
         if 0 < missing < grid.size:
-            bridged, attempt, found = with_grid(land, grid, j0, i0), 0, False
-            while attempt < STARTS:  # past poses over bridged terrain
+            bridged, attempt, found, again = with_grid(land, grid, j0, i0), 0, False, 0
+            while attempt < STARTS and again < REPEATS:  # past poses over bridged terrain
                 code, attempt = settle_contact(bridged, car, px, py, cy, sy, attempt, trial, work)
                 if attempt < STARTS and covered(land, car, px, py, cy, sy, trial, False, work):
                     status[k], q[k] = code, trial
@@ -316,6 +319,10 @@ def settle_bridged(
                     break
                 if code == NOT_CONVERGED and status[k] == NO_DATA and not found:
                     status[k] = code  # it is not missing data that refuses the pose
+                if not found:
+                    refused[:] = trial
+                elif attempt < STARTS and np.abs(trial - refused).max() < SAME_POSE:
+                    again += 1
                 found = True
                 attempt += 1
             grid[0, 0] = 0.0  # keep the grid alive: the bridged terrain is an unowned view of it

@@ -167,11 +167,12 @@ def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: floa
     Returns:
         FOUND; OFF or BLANK if a wheel had no known terrain at all under it; these plus FOUND_OVER if a pose was found
         that has a
-        tread over the map's edge or missing data; -1 if Newton's method did not converge.
+        tread over the map's edge or missing data; -1 if Newton's method did not converge, LOST_OFF if a tread was over the
+        map's edge at its last step.
     """
     grid, _, meta = ground
     axes, pivots, wheels, rows, step, touch = work.axes, work.pivots, work.wheels, work.rows, work.step, work.touch
-    whole = True
+    whole, over_edge = True, False
     for it in range(STEPS):
         if not forward_kinematics(rover, work.hub_offsets, x, y, cy, sy, q, axes, pivots, wheels):
             return -1
@@ -204,7 +205,8 @@ def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: floa
         if not solve_linkage(rows, step):
             return -1
         move(q, step)
-    return -1
+        over_edge = coverage == OFF
+    return LOST_OFF if over_edge else -1
 
 
 # Codes as rockerbogie.Status
@@ -214,7 +216,8 @@ FOLLOWED = 8  # steps with tracked contacts; the later ones search the whole tre
 STARTS = 32
 STRAYED = 8  # starts that put a wheel wholly off the known terrain before the search ends
 FOUND_OVER = 8  # added to OFF or BLANK
-EDGE_STARTS = 3  # starts that may lead to a pose across the map's edge before the status is OFF_MAP
+LOST_OFF = -2  # code of a search that cycles with a tread over the map's edge
+EDGE_STARTS = 3  # starts that may lead to a pose across the map's edge, or cycle there, before the status is OFF_MAP
 
 
 @njit
@@ -279,8 +282,8 @@ def settle_contact(
             strayed, over = strayed + 1, code
             if strayed == STRAYED:
                 break
-        elif code > FOUND_OVER:
-            over = code - FOUND_OVER
+        elif code > FOUND_OVER or code == LOST_OFF:
+            over = OFF if code == LOST_OFF else code - FOUND_OVER
             edges += over == OFF
             if edges == EDGE_STARTS:
                 break
