@@ -115,7 +115,7 @@ def _print_margins(tip: Stability) -> None:
 
 
 def _record(pose: Pose, result: WheelLoads, status: LoadStatus, gravity: float) -> dict[str, Any]:
-    """Return the JSON record."""
+    """Return position, gravity, law, status and wheel loads, in SI units."""
     names = (
         "normal",
         "traction",

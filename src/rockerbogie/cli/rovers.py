@@ -213,7 +213,7 @@ def _list(as_json: bool) -> None:
 
 
 def _record(rover: Rover) -> dict[str, Any]:
-    """Return a rover's fields for JSON."""
+    """Return name, dimensions, limits, mass and source of a rover, in SI units."""
     names = (
         "name", "rocker_pivot", "bogie_pivot", "hubs", "wheel_radius", "wheel_width", "wheel_names", "steers", "steering_offset",
         "rocker_limits", "bogie_limits", "differential", "body_box", "mass", "source",

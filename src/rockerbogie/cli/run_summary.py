@@ -46,7 +46,7 @@ def why_short(sim: xr.Dataset) -> str:
         sim: run of `simulate`.
 
     Returns:
-        End of a sentence: the cause, and what to change.
+        End of a sentence: the cause and what to change; without a known cause, where to look.
     """
     last = Status(int(sim["status"][-1]))
     if last in (Status.TIPPED, Status.OFF_MAP, Status.NO_DATA):

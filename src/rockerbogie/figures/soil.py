@@ -34,12 +34,13 @@ def soil_chart(
         width: m.
         load: N.
         gravity: m/s².
-        grousers: their height, m.
-        slip_angles: one curve each, at most 4, rad.
+        grousers: their height, m, or their measures.
+        slip_angles: one curve each, rad; at most 4 are drawn.
         title: text above.
 
     Returns:
-        Figure of four charts; curves have gaps where the soil cannot carry the load.
+        Figure of four charts: drawbar and side force as shares of the load, torque in N·m, sinkage in mm. Curves have gaps where
+        the soil cannot carry the load.
     """
     with look():
         fig = figure(9.0, 7.0)

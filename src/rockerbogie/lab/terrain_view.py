@@ -279,5 +279,5 @@ def legend_html(legend: Legend | None, note: str) -> str:
 
 
 def _css(colour: Array) -> str:
-    """Return a colour as CSS."""
+    """Return a colour (3,), components 0 to 1, as `#rrggbb`."""
     return "#" + "".join(f"{round(255 * float(c)):02x}" for c in colour)

@@ -153,7 +153,10 @@ def _write_zarr(maps: xr.Dataset, path: Path) -> None:
 
 
 def _write_netcdf(maps: xr.Dataset, path: Path, tell: Progress) -> None:
-    """Write block by block in order, so that the same map gives the same bytes."""
+    """Write a new file block by block in order, so that the same map gives the same bytes.
+
+    Raises an OSError if the disk has too little room. `tell` is called with the numbers of blocks written and of all.
+    """
     import h5netcdf
 
     needed, free = maps.nbytes, shutil.disk_usage(path.parent).free

@@ -86,7 +86,8 @@ class Limits:
         """Return the limits as JSON.
 
         Returns:
-            An object: name → value in rad, m or N m, null for no limit; limits of forces only if they are set.
+            An object: name → value in rad, m or N m, or without a unit (`required_friction`); null for no limit. Limits of
+            forces are in it only if they are set.
         """
         return json.dumps(
             {

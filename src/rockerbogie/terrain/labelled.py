@@ -79,7 +79,7 @@ def read_labelled(z: Any) -> Labelled:
         )
     spacing, origin = [], []
     for k, (axis, number) in enumerate(zip((1, 0), axes, strict=True)):
-        step, first, backward = _even(number)
+        step, first, backward = _spacing(number)
         spacing.append(step)
         origin.append(first)
         if backward:
@@ -89,8 +89,11 @@ def read_labelled(z: Any) -> Labelled:
     return Labelled(values, (spacing[0], spacing[1]), (origin[0], origin[1]), _crs(z))
 
 
-def _even(coordinate: Any) -> tuple[float, float, bool]:
-    """Return step and lowest value of a coordinate, m, and True if it falls along its axis."""
+def _spacing(coordinate: Any) -> tuple[float, float, bool]:
+    """Return step (above 0) and lowest value of an evenly spaced coordinate, m, and True if it falls.
+
+    Raises a TerrainError for degrees, an unknown unit or uneven spacing.
+    """
     name, unit = str(coordinate.name), str(coordinate.attrs.get("units", ""))
     length = unit_length(unit)
     if unit.lower() in ANGLES or name.lower() in ("lon", "lat", "longitude", "latitude"):

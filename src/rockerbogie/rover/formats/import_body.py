@@ -28,8 +28,8 @@ def body_box(tree: Tree, roles: Roles, links: Sequence[str], rest: dict[str, Arr
         hubs: (6, 3) wheel centres, m.
 
     Returns:
-        (2, 3) lowest and highest corner in the rover's frame, m; None if no shape has a known size, or a colliding mesh of the
-        body is not read.
+        (2, 3) lowest and highest corner in the rover's frame, m; None if no shape has a known size, if a colliding mesh of the
+        body is not read, or if a visible one is not and the box of the others is too short to be the body.
     """
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     blind: list[str] = []  # colliding meshes that are not read

@@ -67,7 +67,7 @@ def read_values(text: str, name: str) -> dict[str, Any]:
         name: the file's name, for messages.
 
     Returns:
-        Values by key.
+        Values by key, in the units that the keys name (`_deg`: degrees); keys outside a table have no prefix.
 
     Raises:
         RoverError: not TOML, an unknown key, or a value of the wrong kind.
