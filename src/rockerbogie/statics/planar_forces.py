@@ -205,7 +205,10 @@ def _roots(a: Array, b: Array, signs: Array) -> Array:
 
 
 def _least_squares(m: Array, b: Array) -> Array:
-    """Return the least-squares solutions (n, 3) of m x = b, m (n, 4, 3), b (n, 4); NaN where singular."""
+    """Return the least-squares solutions (n, 3) of m x = b; NaN where singular.
+
+    m is (n, 4, 3), b (n, 4).
+    """
     square = np.einsum("nki,nkj->nij", m, m)
     right = np.einsum("nki,nk->ni", m, b)
     x = _solve(square, right)

@@ -90,9 +90,9 @@ def read_labelled(z: Any) -> Labelled:
 
 
 def _spacing(coordinate: Any) -> tuple[float, float, bool]:
-    """Return step (above 0) and lowest value of an evenly spaced coordinate, m, and True if it falls.
+    """Return step and lowest value of a coordinate, m, and True if it falls along its axis.
 
-    Raises a TerrainError for degrees, an unknown unit or uneven spacing.
+    The step is above 0. Raises a TerrainError for degrees, an unknown unit or uneven spacing.
     """
     name, unit = str(coordinate.name), str(coordinate.attrs.get("units", ""))
     length = unit_length(unit)
