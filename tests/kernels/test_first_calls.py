@@ -27,6 +27,12 @@ for interpolation in ("linear", "cubic"):
     print(float(pose.z), float(pose.roll), float(pose.clearance), int(pose.status))
 print(compiled_count())
 """
+#: Replaces the process in the background by one that compiles nothing.
+IDLE = """
+import subprocess, sys
+import rockerbogie._kernels.jit.uncompiled as u
+u.start_compiler = lambda: subprocess.Popen([sys.executable, "-c", "import sys; sys.stdin.buffer.read()"], stdin=subprocess.PIPE)
+"""
 #: Calls a small kernel of its own until it is compiled.
 SMALL = """
 import os, sys, time
@@ -57,7 +63,7 @@ def run(script: str, **environment: str) -> list[str]:
 
 
 def test_first_pose_compiles_nothing_and_equals_the_compiled_one(tmp_path: Path) -> None:
-    script = f"import rockerbogie._kernels.jit.uncompiled as u\nu.start_compiler = lambda: None\nu.TIME = 1e9\n{ONE_POSE}"
+    script = f"{IDLE}{ONE_POSE}"
     *first, count = run(script, NUMBA_CACHE_DIR=str(tmp_path))
     assert count == "0"
     assert not list(tmp_path.iterdir())
@@ -81,8 +87,11 @@ def test_kernel_called_first_is_compiled_by_another_process(tmp_path: Path) -> N
     assert len(list((tmp_path / "cache").rglob("*.nbc"))) == 1
     assert run(SMALL, **use) == ["[0. 2. 0.] 0 False", "14.0 0"]
     use["NUMBA_CACHE_DIR"] = str(tmp_path / "other")
-    late = "import rockerbogie._kernels.jit.uncompiled as u\nu.TIME = 0.0\n"  # no time is left for plain Python
-    assert run(late + SMALL, **use) == ["[0. 2. 0.] 1 False", "14.0 1"]
+    alone = "import rockerbogie._kernels.jit.uncompiled as u\nu.start_compiler = lambda: None\n"
+    assert run(alone + SMALL, **use) == ["[0. 2. 0.] 1 False", "14.0 1"]
+    use["NUMBA_CACHE_DIR"] = str(tmp_path / "third")
+    first = "import rockerbogie._kernels.jit.uncompiled as u\nkept = u.compile_first()\nkept.__enter__()\n"
+    assert run(first + SMALL, **use) == ["[0. 2. 0.] 1 False", "14.0 1"]
 
 
 class Plain:

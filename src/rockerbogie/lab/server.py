@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
+from .._kernels.jit.uncompiled import compile_first
 from ..errors import RockerbogieError, require
 from ..motion.drive import drive
 from ..motion.path import Path
@@ -82,11 +83,12 @@ def warm_up(lab: Lab) -> None:
     Args:
         lab: the lab.
     """
-    for mode in ("contact", "equilibrium"):
-        pose = settle(lab.rover, lab.terrain, *lab.start, mode=mode)
-        measure(pose)
-        _ = pose.clearance, pose.contacts
-    with contextlib.suppress(RockerbogieError):  # a start without terrain around it cannot be driven
+    with compile_first():
+        for mode in ("contact", "equilibrium"):
+            pose = settle(lab.rover, lab.terrain, *lab.start, mode=mode)
+            measure(pose)
+            _ = pose.clearance, pose.contacts
+    with compile_first(), contextlib.suppress(RockerbogieError):  # a start without terrain around it cannot be driven
         drive(lab.rover, lab.terrain, Path.straight(lab.start[:2], lab.start[2], 0.05), step=0.05)
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .._kernels.jit.uncompiled import compile_first
 from .._version import __version__
 from ..errors import RockerbogieError, expect
 from ..rover.model import LOAD_ROVER, Rover
@@ -155,7 +156,8 @@ def _in_store(
 def _compile(job: Job, windows: TerrainWindows, tile: Tile) -> None:
     """Settle once in this thread: kernels compile once, and an interrupt can stop it."""
     corner = Tile((tile.rows[0], tile.rows[0] + 1), (tile.cols[0], tile.cols[0] + 1))
-    replace(job, headings=job.headings[:1]).settle(windows.terrain([corner]), corner, lambda name, region, values: None)
+    with compile_first():
+        replace(job, headings=job.headings[:1]).settle(windows.terrain([corner]), corner, lambda name, region, values: None)
 
 
 class _Count:

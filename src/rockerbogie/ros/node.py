@@ -23,6 +23,7 @@ from sensor_msgs.msg import Imu as ImuMessage
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from .._kernels.jit.uncompiled import compile_first
 from ..errors import RockerbogieError
 from ..logs.odometry_filter import Estimate, OdometryFilter
 from ..logs.sensor_checks import NED
@@ -444,7 +445,8 @@ def main(args: Sequence[str] | None = None, name: str = "rockerbogie", values: M
             return 2
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        executor.spin()
+        with compile_first():
+            executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:

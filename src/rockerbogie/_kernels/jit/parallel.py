@@ -21,8 +21,8 @@ def parallel_for(kernel: Callable[..., None], count: int, *args: Any, piece: int
     """Run a batch kernel on items 0 to count − 1, in pieces, on several threads.
 
     Their number is numba's (see `threads`). Each item is computed by itself, so that the result is the same for any
-    number of threads. An exception of the kernel ends the loop and is raised. A few items are computed in plain Python while
-    the kernel is not compiled (`uncompiled`).
+    number of threads. An exception of the kernel ends the loop and is raised. A few items that do not take long are computed in
+    plain Python while the kernel is not compiled (`uncompiled`).
 
     Args:
         kernel: called as `kernel(*args, start, stop)`; computes items start to stop − 1.
@@ -30,7 +30,7 @@ def parallel_for(kernel: Callable[..., None], count: int, *args: Any, piece: int
         args: arguments of the kernel before the range.
         piece: number of items of a piece, for items that take long. Default: by the size of the batch.
     """
-    if first_calls.run(kernel, args, count):
+    if piece is None and first_calls.run(kernel, args, count):
         return
     if count <= (MIN_PARALLEL if piece is None else piece) or numba.get_num_threads() == 1:
         kernel(*args, 0, count)

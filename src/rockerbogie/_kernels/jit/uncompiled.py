@@ -14,6 +14,8 @@ import pickle
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -24,8 +26,6 @@ from .mode import COMPILED, PLAIN_PACKAGE
 
 #: Largest batch that runs in plain Python.
 FEW = 4
-#: Time (s) that a process spends in plain Python; then it waits until a kernel is compiled.
-TIME = 5.0
 #: Environment variable: 1 compiles a kernel before its first call, however small the batch.
 WAIT = "ROCKERBOGIE_WAIT_FOR_COMPILER"
 #: Program of the process in the background.
@@ -34,10 +34,10 @@ PROGRAM = "from rockerbogie._kernels.jit.uncompiled import compile_requests; com
 
 @dataclass
 class FirstCalls:
-    """Kernels seen compiled, time spent in plain Python, and the background process."""
+    """Kernels seen compiled, and the background process."""
 
-    ready: set[tuple[Any, type]] = field(default_factory=set)  # kernel and type of its first argument
-    seconds: float = 0.0
+    plain: bool = True  # False: kernels are compiled before their first call
+    ready: set[tuple[Any, ...]] = field(default_factory=set)  # kernel and types of its arguments
     process: subprocess.Popen[bytes] | None = None
     requests: set[Any] = field(default_factory=set)  # kernel and signature
 
@@ -52,25 +52,24 @@ class FirstCalls:
         Returns:
             False if nothing was done: the caller runs the compiled kernel.
         """
-        key = kernel, type(args[0])
+        key = kernel, *map(type, args)
         if key in self.ready:
             return False
         signature = tuple(kernel.typeof_pyval(value) for value in (*args, 0, 0)) if COMPILED else ()
         if not COMPILED or os.environ.get(WAIT) == "1" or signature in kernel.overloads or kernel._cache.holds(signature):
             self.ready.add(key)
             return False
-        if count > FEW or self.seconds >= TIME:
+        if count > FEW or not self.plain:
             self._wait(kernel, signature)
             return False
         self._request(kernel, signature)
-        start = time.perf_counter()
+        if self.process is None or self.process.poll() is not None:
+            return False
         try:
             with np.errstate(all="ignore"):
                 plain_copy(kernel)(*map(plain_copy, args), 0, count)
         except (ArithmeticError, ValueError):  # plain Python raises where compiled code gives inf or NaN
             return False
-        finally:
-            self.seconds += time.perf_counter() - start
         return True
 
     def _request(self, kernel: Any, signature: tuple[Any, ...]) -> None:
@@ -141,8 +140,6 @@ def start_compiler() -> subprocess.Popen[bytes]:
 
 def compile_requests() -> None:
     """Compile the kernels that standard input names, until it ends."""
-    if hasattr(os, "nice"):
-        os.nice(5)
     while True:
         try:
             module, name, signature = pickle.load(sys.stdin.buffer)
@@ -152,3 +149,17 @@ def compile_requests() -> None:
 
 
 first_calls = FirstCalls()
+
+
+@contextmanager
+def compile_first() -> Iterator[None]:
+    """Compile kernels before their first call inside a `with` block, for work that plain Python would slow down.
+
+    Yields:
+        None.
+    """
+    before, first_calls.plain = first_calls.plain, False
+    try:
+        yield
+    finally:
+        first_calls.plain = before
