@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 from ._version import __version__
 from .errors import RockerbogieError
 
-#: Text that every file of this package stays: in its metadata, in a comment or in an attribute.
+#: Text in every file of this package: in its metadata, in a comment or in an attribute.
 SOURCE = f"rockerbogie {__version__}"
 _MARK = re.compile(rb"rockerbogie(_version| \d)")
 #: First columns of the CSV tables that this package writes: a CSV file cannot hold a mark.
@@ -110,7 +110,7 @@ def is_ours(path: Path) -> bool:
         path: a file or folder.
 
     Returns:
-        True if it stays the mark of this package.
+        True if it has the mark of this package.
     """
     suffix = path.suffix.lower()
     if path.is_dir():

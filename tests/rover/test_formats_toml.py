@@ -111,7 +111,7 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
 
 
 def test_every_key_is_explained() -> None:
-    """Every key a whole file holds stays its comment."""
+    """Every key of a whole file has its comment."""
     text = to_toml(load_rover("curiosity"), options=True)
     for key in KEYS:
         if f"{key.name} = " in text and key.table != "link":

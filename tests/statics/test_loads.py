@@ -125,7 +125,7 @@ def test_a_load_shifted_ahead_follows_the_closed_form() -> None:
     pose = rb.settle(level_rover(e), rb.surfaces.plane(), 0.0, 0.0)
     for law in ("vertical", "equal_torque", "equal_slip", "frictionless_sides"):
         n = rb.wheel_loads(pose, law=law).normal
-        # the bogie, here in front, stays two thirds of W and what the shift adds; half of it on each of its wheels
+        # the bogie, here in front, carries two thirds of W and what the shift adds; half of it on each of its wheels
         share = W / 3 * (1 + e / p)
         np.testing.assert_allclose([n[0] + n[1], n[2] + n[3], n[4] + n[5]], [W - 2 * share, share, share], atol=1e-12 * W)
 

@@ -235,7 +235,7 @@ def _wheel_table(pose: Pose) -> Table:
 
 
 def _limits_and_body(pose: Pose) -> list[str]:
-    """Return a line for each joint at or beyond its limit, and one if the body stays weight."""
+    """Return a line for each joint at or beyond its limit, and one if the body carries weight."""
     limits = (pose.rover.rocker_limits, pose.rover.bogie_limits, pose.rover.bogie_limits)
     angles = (pose.rocker, *pose.bogie)
     where = "at" if pose.report is not None else "beyond"

@@ -33,7 +33,7 @@ JACOBIAN_COLUMNS = (
 SYSTEM_COLUMNS = JACOBIAN_COLUMNS[:3] + tuple(f"{name}_{i}" for name in JACOBIAN_COLUMNS[3:] for i in range(6))
 
 #: Rows of `contact_rows` for each wheel: slip of the tread along and across its rolling direction and the rate at which it
-#: leaves the terrain, m/s; turn slip and pitch rate about the axle of the link that stays the wheel, rad/s.
+#: leaves the terrain, m/s; turn slip and pitch rate about the axle of the link that carries the wheel, rad/s.
 ROW_NAMES = ("roll_slip", "side_slip", "lift", "turn_slip", "pitch")
 #: Columns of `contact_rows`: the body's twist, and the rates of the suspension and of the wheel's steering.
 ROW_COLUMNS = ("vx", "vy", "vz", "wx", "wy", "wz", "rocker", "bogie_left", "bogie_right", "steering")

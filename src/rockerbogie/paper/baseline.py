@@ -106,7 +106,7 @@ def paper_contact_angles(rover: Rover, pose: Pose, slope: ArrayLike) -> Array:
 
 
 def _suspension_angle(rover: Rover, rocker: ArrayLike, bogie: ArrayLike) -> Array:
-    """Return the angle (..., 6) of the link that stays each wheel, rad, nose-down positive."""
+    """Return the angle (..., 6) of the link that carries each wheel, rad, nose-down positive."""
     arm = np.stack([np.asarray(rocker, dtype=float), rover.right_rocker(rocker)], axis=-1)[..., WHEEL_SIDE]
     return arm + np.where(ON_BOGIE, np.asarray(bogie, dtype=float)[..., WHEEL_SIDE], 0.0)
 

@@ -41,7 +41,7 @@ class Parts:
     def _assign(self) -> dict[str, str]:
         """Return the part of the rover that each link belongs to.
 
-        A link without a role goes with what stays it.
+        A link without a role goes with the part that carries it.
         """
         roles, owner = self.roles, {}
         for s, side in enumerate(("left", "right")):
@@ -67,7 +67,7 @@ class Parts:
                 extra.append(link)
         self.frozen = {roles.groups[link] for link in extra}
         if extra:
-            roles.found.append(f"held at rest, with what stays them: {', '.join(extra[:6])}{', ...' * (len(extra) > 6)}")
+            roles.found.append(f"held at rest, with what carries them: {', '.join(extra[:6])}{', ...' * (len(extra) > 6)}")
         return part_of
 
     def _rides_with(self, knuckle: str, wheel: str) -> bool:

@@ -35,7 +35,7 @@ class Roles:
 
     `axes` (3, 3) has forward, left, up as columns. `rockers` holds None if they are rigid with the body and no joint marks the
     pivot; `arms` the rocker wheel's own arm if the rocker consists of two. `groups` maps a link to its rigid group, `parents` a
-    group to the group that stays it. The lists of text are the import's report.
+    group to the group that carries it. The lists of text are the import's report.
     """
 
     tree: Tree
@@ -55,7 +55,7 @@ class Roles:
 
     @property
     def body(self) -> str:
-        """Return the rigid group of the body: the one that stays the rockers."""
+        """Return the rigid group of the body: the one that carries the rockers."""
         rocker = self.rockers[0]
         return rocker.parent if rocker is not None else self.bogies[0].parent
 

@@ -1,6 +1,6 @@
 """Search for the rocker-bogie in a tree of links and joints.
 
-It uses which link stays which and the directions of hinges, not names.
+It uses which link carries which and the directions of hinges, not names.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def find_roles(tree: Tree, what: str, joints: dict[str, Sequence[str]], forward:
     search, roles = _from_any_root(tree, what, joints, freed, forward, up)
     turning = [r.joint.name for r in (*roles.rockers, *roles.arms) if r is not None]
     if wrong := [name for name in joints.get("rockers", ()) if name not in turning]:
-        raise RoverError(f"{what}: joint {wrong[0]!r} is no rocker: it stays none of the bogies")
+        raise RoverError(f"{what}: joint {wrong[0]!r} is no rocker: it carries none of the bogies")
     if roles.rockers[0] is None and (pivots := search.fixed_pivots(roles)):
         roles = _Search(roles.tree, what, joints, [*freed, *pivots]).run(forward, up)
         roles.freed = True
@@ -274,7 +274,7 @@ class _Search:
                 self.inbound[group] = replace(hinge, axis=lateral)
 
     def _arm(self, wheel: Hinge, cluster: list[Hinge], lateral: Array) -> tuple[str, Hinge | None]:
-        """Return the rigid group that stays the wheel, and the steering hinge.
+        """Return the rigid group that carries the wheel, and the steering hinge.
 
         The group is that beyond the steering knuckle, if there is one.
         """

@@ -211,7 +211,7 @@ class _Model:
         """Add bodies as links, their joints, and the equalities between joints."""
         for b in range(1, self.model.nbody):
             self._body(b)
-        # a body that only the world stays is a root
+        # a body that only the world carries is a root
         self.tree.joints = {n: j for n, j in self.tree.joints.items() if j.parent in self.tree.parts}
         for e in range(self.model.neq):
             self._equality(e)

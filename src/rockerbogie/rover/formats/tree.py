@@ -156,7 +156,7 @@ class Tree:
     name: str
     parts: dict[str, Part]
     joints: dict[str, Joint]
-    differential: Array | None = None  # the polynomial, if the file stays one of ours
+    differential: Array | None = None  # the polynomial, if the file holds one of ours
     notes: list[str] = field(default_factory=list)
     dropped: dict[str, list[str]] = field(default_factory=dict)
     unread: list[str] = field(default_factory=list)  # mesh files that could not be read, with the reason

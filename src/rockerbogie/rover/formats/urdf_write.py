@@ -15,7 +15,7 @@ from .tree import Joint, Part, Tree
 EFFORT, SPEED = "1000", "10"
 #: Written for the open side of a joint that has a limit on its other side, rad.
 FAR = 1e6
-#: The link that stays the body's mass and shapes: ROS's KDL parser accepts no mass on the root link.
+#: The link that holds the body's mass and shapes: ROS's KDL parser accepts no mass on the root link.
 BODY_LINK, BODY_JOINT = "body", "body_joint"
 
 
