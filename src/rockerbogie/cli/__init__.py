@@ -5,7 +5,7 @@ to `COMMANDS`: name → (module:function, one line for the list of commands). Th
 runs, so that `rockerbogie --help` stays fast. A module with sub-commands has a `cyclopts.App(name="thing")` instead of the
 function. Rules for all commands:
 
-- Options and printed text are in degrees, and say so; inside, everything is SI and rad.
+- Options and printed text are in degrees, and state this. All other code uses SI and rad.
 - Bad input raises a `RockerbogieError` whose message is one clear sentence; `main` prints it and exits 2.
 - Long work shows `cli.common.progress(...)` on stderr, if stderr is a terminal.
 - Results that other programs read have `--json`; print them with `cli.common.print_json`.
@@ -33,11 +33,11 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "fit-soil": ("rockerbogie.cli.fit_soil:fit_soil", "Fit a slip curve to a drive's log, forecast its slip, and warn."),
     "ros": ("rockerbogie.cli.ros:ros", "Run a ROS 2 node: odometry, wheel commands and state of a rover."),
     "validate": ("rockerbogie.cli.validate:validate", "Compare predicted with logged attitude, with an uncertainty band."),
-    "benchmark": ("rockerbogie.cli.benchmark:app", "Score attitudes predicted by this or another program against flown ones."),
+    "benchmark": ("rockerbogie.cli.benchmark:app", "Score attitudes predicted by this or another program against recorded ones."),
     "lab": ("rockerbogie.cli.lab:lab", "Open a page in the browser: move, drive and change a rover on terrain."),
     "bench": ("rockerbogie.cli.bench:bench", "Time settling, as ratios to the paper's method and MuJoCo in the same run."),
     "compile": ("rockerbogie.cli.compile:compile_", "Compile all kernels for this machine in advance."),
-    "rovers": ("rockerbogie.cli.rovers:app", "List rovers, show one, start a rover file, or import a robot file."),
+    "rovers": ("rockerbogie.cli.rovers:app", "List rovers, show one, write a rover file, or import a robot file."),
     "soils": ("rockerbogie.cli.soils:soils_", "List soils, show one, draw the forces on a wheel in it."),
     "export": ("rockerbogie.cli.export:export", "Export a rover as URDF, SDF, MJCF or TOML, or with terrain as a Gazebo world."),
 }
@@ -53,7 +53,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: arguments; None for those of the process.
 
     Returns:
-        Exit code: 0 done, 1 a negative answer, 2 bad input (one sentence on stderr), 130 interrupted.
+        Exit code: 0 done, 1 a negative result, 2 bad input (one sentence on stderr), 130 interrupted.
     """
     try:
         code = _run(sys.argv[1:] if argv is None else list(argv))

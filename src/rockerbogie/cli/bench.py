@@ -42,19 +42,19 @@ def bench(
     poses
         Number of poses per case.
     baseline_poses
-        Number of them that the paper's method (fsolve) settles.
+        Number of these poses that the paper's method (fsolve) settles.
     drops
-        Number of them that MuJoCo settles.
+        Number of these poses that MuJoCo settles.
     terrain
-        A raster file: one more case, Curiosity's whole treads on it with linear interpolation.
+        Raster file for one more case: Curiosity's whole treads with linear interpolation.
     slowest
-        Also time every pose by itself on every kind of terrain, and list the slowest: some minutes more.
+        Also time each pose separately on every kind of terrain, and list the slowest. This takes some minutes more.
     save
-        Write the figures to this JSON file.
+        JSON file to write the results to.
     compare
-        A file saved by another version: adds columns with its ratios.
+        File that --save wrote with another version: its ratios are added as columns.
     json
-        Print the figures as JSON instead of tables.
+        Print the results as JSON instead of tables.
     markdown
         Also write the tables into this Markdown page, between its lines `<!-- bench -->` and `<!-- end of bench -->`.
     force

@@ -1,4 +1,4 @@
-"""Command `rockerbogie benchmark mars`: predictions against flown attitudes."""
+"""Command `rockerbogie benchmark mars`: predictions against attitudes recorded on Mars."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ def mars(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Score predicted pitch and roll against flown ones: package, plane, another program.
+    """Score predicted pitch and roll against recorded ones: package, plane, another program.
 
-    Sets: 17 positions of Curiosity, 9 positions and two drives of Perseverance. Prints RMS, bias, median error, correlation,
-    share of values in the 80 % band and interval score. With -o it writes mars.html (one page), mars.png and mars.csv (all
-    cases). docs/benchmark.md lists the data and their sources; they are not part of the package.
+    The sets are 17 positions of Curiosity, and 9 positions and two drives of Perseverance. Prints RMS, bias, median error,
+    correlation, share of values in the 80 % band and interval score. With -o it writes mars.html (one page), mars.png and
+    mars.csv (all cases). docs/benchmark.md lists the data and their sources; they are not part of the package.
 
     Parameters
     ----------
     data
         Folder with gale/ and perseverance/. Default: the environment variable ROCKERBOGIE_DATA.
     predictions
-        CSV of another program's predictions, in the form of --write-template; scored in the same way.
+        CSV of another program's predictions, with the columns of --write-template. They are scored in the same way.
     write_template
-        Write the cases (rover, terrain, x, y, yaw) to this CSV, without the logged attitudes, and end.
+        Write the cases (rover, terrain, x, y, yaw) to this CSV, without the logged attitudes, and exit.
     draws
         Random terrains per case; 0: no bands.
     seed

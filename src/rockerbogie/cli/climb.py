@@ -1,4 +1,4 @@
-"""Command `rockerbogie climb`: a rover over an obstacle; without an obstacle, its limits."""
+"""Command `rockerbogie climb`: drive over an obstacle, or limits of a rover."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def climb(
 
     The motion is quasi-static: momentum does not help.
 
-    Without an obstacle, prints the rover's limits: steepest slopes, highest step, widest ditch.
+    Without an obstacle, the command prints the rover's limits: steepest slopes, highest step, widest ditch.
     Exits 1 if the rover does not get over, 2 for wrong input.
 
     Parameters
@@ -63,7 +63,7 @@ def climb(
     step
         Height of a step with a vertical face, m.
     ditch
-        Width of a ditch with vertical walls, m; or WIDTH,DEPTH. Default depth: as wide.
+        Width of a ditch with vertical walls, m, or WIDTH,DEPTH. Default: as deep as wide.
     ramp
         Slope in degrees and height in m of a ramp: 25,0.5.
     stairs
@@ -77,14 +77,14 @@ def climb(
     backward
         Drive backward.
     law
-        least_friction: the best distribution of torques. equal_slip: all wheels use the same share of friction, as wheels
-        driven at one rate.
+        least_friction: the distribution of torques that needs the least friction. equal_slip: all wheels use the same share
+        of friction, as wheels driven at one rate do.
     gravity
         earth, mars, moon, or a number in m/s².
     plot
         Picture of the hardest station with forces, friction and torque along the way: .png, .svg or .pdf.
     chart
-        Picture of friction needed against step height, forward and backward.
+        Picture of the required friction against step height, forward and backward.
     film
         Film of the climb: .gif, or .mp4 (needs the film extra).
     html

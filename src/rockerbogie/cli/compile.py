@@ -7,10 +7,10 @@ from .common import Json, print_json, progress
 
 
 def compile_(*, json: Json = False) -> None:
-    """Compile all kernels for this machine and store them, so that no later command has to.
+    """Compile all kernels for this machine and store them, so that later commands start fast.
 
-    They are stored inside the package, in NUMBA_CACHE_DIR if that is set, or in your cache folder. Kernels that are stored
-    already are not compiled again.
+    They are stored in NUMBA_CACHE_DIR if it is set, else inside the package, or in your cache folder if the package is
+    read-only. Kernels that are already stored are not compiled again.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Commands `rockerbogie drive` and `rockerbogie simulate`: a path by model and in MuJoCo."""
+"""Commands `rockerbogie drive` and `rockerbogie simulate`: kinematic and dynamic drives."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def drive(
     radius
         Turning radius at the waypoints, m.
     speed
-        Horizontal speed along the path, m/s; it scales times and rates only.
+        Horizontal speed along the path, m/s. It scales only times and rates.
     step
         Horizontal distance between stations, m.
     mode
@@ -190,9 +190,9 @@ def simulate(
 ) -> int:
     """Simulate a drive in MuJoCo's rigid-body dynamics, and compare.
 
-    Six driven wheels, gravity and friction on the same terrain. Prints the difference of the kinematic model at equal position
-    and yaw. With -o it also writes attitude.png and joints.png (model and simulation), map.png, profile.png, worst.png,
-    simulation.nc and simulation.csv. Exits 1 if the rover does not reach the end of the path.
+    The simulation has six driven wheels, gravity and friction on the same terrain. Prints the difference from the kinematic
+    model at equal position and yaw. With -o it also writes attitude.png and joints.png (model and simulation), map.png,
+    profile.png, worst.png, simulation.nc and simulation.csv. Exits 1 if the rover does not reach the end of the path.
 
     Parameters
     ----------
@@ -211,7 +211,7 @@ def simulate(
         Coefficient of sliding friction between wheels and terrain.
     torque
         Torque limit of each hub motor, N·m. Default: torque_n_m of the rover file; without it, 0.4 times weight times wheel
-        radius, as the JPL Open Source Rover's motors.
+        radius, like the motors of the JPL Open Source Rover.
     linear
         Bilinear or smooth cubic terrain between the nodes. Default: cubic for files.
     output

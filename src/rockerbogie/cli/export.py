@@ -56,9 +56,10 @@ def export(
     output
         The file to write (.urdf, .sdf, .xml for MJCF, .usda or .usd, .toml); for a world, the folder.
     to
-        The format, if the file's ending does not give it.
+        Format, if the file's ending does not determine it.
     differential
-        In an SDF: mimic, a constraint that some engines hold; system, a Gazebo system beside the file, for every engine.
+        For SDF. mimic: a constraint that some engines support. system: a Gazebo system in the same folder, for every
+        engine.
     ros2_control
         Add a ros2_control block to a URDF.
     terrain
@@ -68,7 +69,7 @@ def export(
     yaw
         Yaw of the rover there, degrees.
     force
-        Replace existing output files, which may have been edited. Inputs are never replaced.
+        Replace existing output files, even if they were edited. Inputs are never replaced.
     """
     chosen = to or next((name for name, endings in ENDINGS.items() if output.suffix.lower() in endings), None)
     if chosen is None:

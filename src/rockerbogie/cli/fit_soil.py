@@ -49,22 +49,22 @@ def fit_soil(
 ) -> None:
     """Fit a slip curve to a drive, and forecast its slip metre by metre from past telemetry.
 
-    Prints the curve with its uncertainty; the error of the forecast beside "the same as before" and a fit on slope; and warnings.
-    With -o it writes fit_soil.png, fit_soil.json, forecast.csv and slip_table.csv (slip by slope and heading).
+    Prints the curve with its uncertainty, the warnings, and the errors of the forecast, of the last value and of a fit to
+    slope. With -o it writes fit_soil.png, fit_soil.json, forecast.csv and slip_table.csv (slip by slope and heading).
 
     Parameters
     ----------
     log
-        A CSV with time [s], slip [1], distance [m] (wheel travel) and, for the curve, roll and pitch; or a drive of
-        Perseverance: docs/forecast.md.
+        A CSV with time [s], slip [1], distance [m] (wheel travel) and, for the curve, roll and pitch; or a published
+        log of Perseverance (docs/forecast.md).
     rover
         A preset's name, or a rover file.
     terrain
         The map, if there is one: the forecast then uses the slope ahead. A raster file, or surface:NAME.
     limit
-        Slip of which the warning warns.
+        Slip that the warning is about.
     threshold
-        Probability of exceeding it within 2 m at which a warning is given.
+        Warn if the probability that slip exceeds --limit within 2 m is at least this.
     linear
         Bilinear or smooth cubic terrain between the nodes. Default: cubic for files.
     output

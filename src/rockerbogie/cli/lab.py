@@ -31,7 +31,7 @@ def lab(
 ) -> int:
     """Open a page in the browser: move, drive and change a rover on terrain.
 
-    Drag the rover and it settles as you drag. Stop the server with Ctrl-C. See docs/lab.md.
+    The rover settles while you drag it. Stop the server with Ctrl-C. See docs/lab.md.
 
     Parameters
     ----------
@@ -40,19 +40,19 @@ def lab(
     terrain
         Terrain file, or surface:NAME.
     map_
-        Map of this terrain, from `rockerbogie map`: its layers as colours, and routes.
+        Map of this terrain, from `rockerbogie map`, for colours by its layers and for routes.
     run
         Run of this rover on this terrain: run.nc from `drive` or `simulate`.
     gravity
         earth, mars, moon, or a number in m/s².
     host
-        Address to listen at. Anything but 127.0.0.1 opens the page to the network, without a password.
+        Address to listen at. Any address except 127.0.0.1 opens the page to the network, without a password.
     port
         Default: the first free one from 8080.
     browser
-        Open the page in the usual browser.
+        Open the page in the default browser.
     light
-        Draw less: no shadows, coarser terrain. For a browser without a graphics card.
+        Draw no shadows and coarser terrain, for a browser without a graphics card.
     linear
         Bilinear instead of bicubic interpolation.
     raster

@@ -65,7 +65,7 @@ def loads(
     mode
         contact: all six wheels in contact. equilibrium: balance under the rover's weight; wheels may be off the ground.
     law
-        Which forces of those that balance: least_friction, equal_torque, equal_slip, frictionless_sides or vertical.
+        Law that selects one set of balancing forces: least_friction, equal_torque, equal_slip, frictionless_sides or vertical.
     gravity
         earth, mars, moon, or a number in m/s².
     drawbar

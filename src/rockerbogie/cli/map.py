@@ -72,9 +72,10 @@ def map_(
 ) -> None:
     """Map where a rover can drive: settle it at every cell and heading, and compare with limits.
 
-    The ending of -o gives the format: a cloud-optimised GeoTIFF (.tif; angles in degrees) with a style for QGIS beside it
-    (.qml), or Zarr (.zarr) or NetCDF (.nc) with every heading's layers (SI, radians). A picture (.png) is written too. Finished
-    parts of a long run are kept in OUTPUT.parts: after an interruption, the same command continues from there.
+    The ending of -o gives the format: a cloud-optimised GeoTIFF (.tif; angles in degrees) with a style for QGIS (.qml) in
+    the same folder, or Zarr (.zarr) or NetCDF (.nc) with every heading's layers (SI, radians). A picture (.png) is written
+    too. Finished parts of a long run are kept in OUTPUT.parts: after an interruption, the same command continues from
+    there.
 
     Parameters
     ----------
@@ -102,36 +103,36 @@ def map_(
     bogie
         Greatest bogie angle, up or down, degrees.
     clearance
-        The body must be higher above the terrain than this, m.
+        Least clearance of the body's box above the terrain, m.
     friction
-        Friction coefficient of the terrain: poses that need more to be held exceed it. Adds layers of the required friction.
+        Friction coefficient of the terrain: poses that need more are not passable. Adds layers of the required friction.
     tip_margin
-        Least tip margin, degrees: the angle by which gravity must turn until the rover tips over. Adds its layers.
+        Least tip margin, degrees: the angle by which gravity must turn until the rover tips over. Adds layers of the tip margin.
     torque
         Torque that each motor has, N·m. Adds layers of the largest motor torque.
     gravity
         earth, mars, moon, or a number in m/s²; for motor torques.
     bounds
-        Only this part: xmin,ymin,xmax,ymax in the terrain's own metres.
+        Map only this part: xmin,ymin,xmax,ymax in the terrain's metres.
     mode
         contact: all six wheels in contact, joint limits not enforced. equilibrium: balance under the rover's weight; wheels may
         be off the ground, joints at their limits.
     linear
         Bilinear or smooth cubic terrain between the nodes. Default: cubic for files.
     layers
-        Keep only these layers, comma-separated, beside passable and worst_exceeded. Default: all usual ones that the output can
-        hold; only on request: margin, worst_margin, slope, aspect, roughness, and without a limit of theirs required_friction,
-        tip_margin, max_torque, worst_friction, worst_tip_margin, worst_torque.
+        Keep only these layers, comma-separated, and passable and worst_exceeded. Default: all usual ones that the output
+        can hold. Only on request: margin, worst_margin, slope, aspect, roughness, and, if they have no limit,
+        required_friction, tip_margin, max_torque, worst_friction, worst_tip_margin, worst_torque.
     per_heading
         Write every heading's layers into the GeoTIFF too, after the summaries.
     chunk
-        Cells a side of the part that a worker makes at once, a multiple of 128. It affects memory and time only.
+        Side, in cells, of the part that a worker computes at once; a multiple of 128. It affects only memory and time.
     workers
-        Number of processes on this machine. Default: by the size of the map.
+        Number of processes on this machine. Default: depends on the size of the map.
     scheduler
-        Address of a Dask cluster (tcp://host:8786) to do the work, whose workers see the same files.
+        Address of a Dask cluster (tcp://host:8786) to do the work. Its workers must be able to read the same files.
     preview
-        Write the picture beside the map.
+        Write a picture into the folder of the map.
     force
         Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json

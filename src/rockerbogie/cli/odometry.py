@@ -67,9 +67,9 @@ def odometry(
 ) -> None:
     """Compute 3-D odometry from a log of wheels, steering, rocker and bogies.
 
-    Prints what was read, what was repaired and which sensors are doubtful; then length, end and residual slip of the track,
-    beside flat 2-D odometry of the same log, and the error of both if the log has positions. With -o it writes odometry.png,
-    odometry.nc, odometry.csv and odometry.mcap (with the ros extra only). The last three can be read as logs.
+    Prints what was read, what was repaired and which sensors are doubtful. Then prints length, end and residual slip of the
+    track and of flat 2-D odometry of the same log, and the error of both if the log has positions. With -o it writes
+    odometry.png, odometry.nc, odometry.csv and odometry.mcap (with the ros extra only). The last three can be read as logs.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def odometry(
     soil
         Slip on slopes: "ALONG,ACROSS" per unit of the sine of the slope, as in 0.5,0.4.
     name
-        A name in the log, and ours: --name fl_wheel=wheel_angle_LF; a minus turns the sign, as in --name corner_fl=-steering_LF.
+        A name in the log, and ours: --name fl_wheel=wheel_angle_LF. A minus changes the sign: --name corner_fl=-steering_LF.
         May be repeated.
     topic
         A topic of joint states to read; may be repeated. Default: those with the rover's joints, without commands.
@@ -95,7 +95,7 @@ def odometry(
     imu_frame
         Axes of the IMU's attitude. enu: x forward, y left, z up. ned: x forward, y right, z down over north, east, down.
     flip
-        A column whose sign is turned: wheel_RF, wheel, steering, yaw, bogie_left, gyro_z; may be repeated.
+        A column whose sign is changed: wheel_RF, wheel, steering, yaw, bogie_left, gyro_z; may be repeated.
     counts_per_turn
         Encoder counts per turn of a wheel, for logs in counts.
     straight

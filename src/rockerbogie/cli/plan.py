@@ -88,16 +88,16 @@ def plan(
     keep_out_margin
         Distance that the rover's reference point keeps from them, m. Default: the rover's own radius.
     cost
-        Extra cost per metre, from 0: a vector file with a column `cost`, or a raster.
+        Extra cost per metre, at least 0: a vector file with a column `cost`, or a raster.
     soil
-        The fit_soil.json of `rockerbogie fit-soil`: a metre then costs its expected wheel travel, by the slip curve of the soil
-        at the end of that drive, and steep soil is avoided.
+        File fit_soil.json of `rockerbogie fit-soil`. A metre then costs its expected wheel travel, from the slip curve of the
+        soil at the end of that drive. Slopes with too much slip are avoided (--slip-limit).
     slip_limit
-        Slip that is to be avoided.
+        Slip to avoid.
     slip_risk
-        Largest probability of more slip than that at a pose of the route.
+        Largest allowed probability that slip exceeds --slip-limit at a pose of the route.
     minimise
-        time: wheel travel. energy: motor work, with a rolling resistance of a tenth of the weight. With --soil only.
+        time: wheel travel. energy: motor work, with a rolling resistance of 10 % of the weight. With --soil only.
     reach
         Also write the part of the map that the rover can reach from the start, and the cost: .tif, .nc or .zarr. Needs no goal.
     speed
@@ -106,7 +106,7 @@ def plan(
         The route to write: .gpkg (lines with length, time, tilt and clearance, and poses; CRS of the map), .csv (poses) or
         .geojson (a line).
     rover
-        A preset's name, or a rover file, for its way to turn. Default: the map's own rover, if that is a preset.
+        A preset's name, or a rover file; determines how the rover turns. Default: the map's rover, if that is a preset.
     tilt_weight
         Weight w of the tilt: a metre costs 1 + w (tilt / tilt limit)².
     turn_cost

@@ -1,4 +1,4 @@
-"""Command `rockerbogie predict`: a drive open loop along a path."""
+"""Command `rockerbogie predict`: an open-loop drive along a path."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def predict(
     friction
         Coefficient of friction between wheels and rigid terrain. Give this or --soil.
     soil
-        Name of a soil preset, such as dry-sand (rockerbogie.soils() lists them).
+        Name of a soil preset, such as dry-sand (`rockerbogie soils` lists them).
     grousers
         Height of the wheels' grousers in soil, m.
     path
@@ -101,7 +101,7 @@ def predict(
     speed
         Commanded horizontal speed along the path, m/s.
     step
-        Distance of an integration step, m. Default: a quarter of the wheel radius.
+        Length of an integration step, m. Default: a quarter of the wheel radius.
     tolerance
         Halve steps while the error of their energy balance exceeds this share, such as 1e-6. Default: steps are not halved.
     gravity

@@ -1,4 +1,4 @@
-"""Options of commands that read a raster, and the terrain given by its name."""
+"""Options of commands that read a raster, and terrain from a file or a surface's name."""
 
 from __future__ import annotations
 

@@ -43,8 +43,8 @@ def ros(
     rover
         A preset's name, or a rover file. Default: parameter rover, or the topic robot_description.
     name
-        A joint's name, and ours: --name fl_wheel=wheel_LF_joint; a minus turns the sign, as in --name corner_fl=-steering_LF.
-        May be repeated.
+        Your name of a joint, and ours: --name fl_wheel=wheel_LF_joint. A minus changes the sign, as in --name
+        corner_fl=-steering_LF. May be repeated.
     params
         File of ROS parameters (YAML).
     set_
@@ -54,7 +54,7 @@ def ros(
     node_name
         Name of the node.
     remap
-        A topic and its other name: --remap imu/data:=/imu. May be repeated.
+        A topic and its new name: --remap imu/data:=/imu. May be repeated.
     use_sim_time
         Use the time of /clock.
     list_parameters

@@ -1,4 +1,4 @@
-"""Command `rockerbogie rovers`: list, show, start and import rovers."""
+"""Command `rockerbogie rovers`: list, show, write and import rovers."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def show(name: str | None = None, /, *, output: Picture = None, force: Force = F
     """List the rovers, or show one.
 
     It shows dimensions, the Denavit-Hartenberg table (K1 to K11), loads and tip margin on level terrain and the obstacles that
-    the rover climbs at friction 0.7; with -o the drawing.
+    the rover climbs at friction 0.7. With -o it also writes the drawing.
 
     Parameters
     ----------
@@ -118,15 +118,15 @@ def import_(
     Parameters
     ----------
     file
-        Robot file; expand it first if it is xacro. Meshes are read from files beside it (rockerbogie[robots]).
+        Robot file. Expand xacro first. Meshes are read from files in its folder (needs the robots extra).
     output
         The .toml file to write.
     scale
         Metres in the file's unit of length: 0.001 for millimetres.
     forward
-        The rover's forward direction as an axis of the file's root frame, if it is found wrong: x, -x, y, -y, z or -z.
+        Override the forward direction: an axis of the file's root frame, x, -x, y, -y, z or -z.
     up
-        The rover's upward direction as such an axis.
+        Override the upward direction: an axis of the file's root frame.
     joint
         Override the roles of joints, by name: wheels=A,B,C,D,E,F or bogies=A,B or rockers=A,B or steering=A,B,...
     set_
@@ -158,7 +158,7 @@ def import_(
 def schema_(file: Path | None = None, /, *, force: Force = False) -> None:
     """Print or write the JSON schema of rover files.
 
-    Editors use it to check a file while it is written.
+    Editors use it to check a file while you write it.
 
     Parameters
     ----------

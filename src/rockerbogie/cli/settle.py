@@ -65,7 +65,7 @@ def settle(
     """Compute the pose of a rover at one position, and show it.
 
     Prints the numbers; with -o also writes a picture (pose.png) and the data (pose.nc). Exits 1 if there is no pose, 2 for
-    wrong input (a position off the map, say).
+    wrong input, such as a position off the map.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def settle(
     output
         Folder for the picture and the data.
     film
-        Write a film that goes once around the rover: .gif, or .mp4 (needs the film extra).
+        Write a film of one turn around the rover: .gif, or .mp4 (needs the film extra).
     html
         Write a page (.html) that shows the pose in three dimensions, offline in any browser.
     format

@@ -1,4 +1,4 @@
-"""Command `rockerbogie soils`: list soils, show one, draw a wheel's forces in it."""
+"""Command `rockerbogie soils`: list soils, show one, draw the forces on a wheel."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def soils_(
     grousers
         Height of the grousers, m; 0: a smooth rim.
     slip_angle
-        Angle from the wheel's heading to its motion, to the left positive, degrees.
+        Angle from the wheel's heading to its direction of motion, degrees, positive to the left.
     gravity
         earth, mars, moon, or a number in m/s².
     output

@@ -1,4 +1,4 @@
-"""Command `rockerbogie validate`: attitudes by the terrain model and by a log."""
+"""Command `rockerbogie validate`: predicted and logged attitudes."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def validate(
 ) -> None:
     """Compare predicted with logged attitudes: settle the rover at the positions of a log.
 
-    Prints pitch and roll, logged and predicted, place by place, with a band for the uncertainty of position and terrain;
+    Prints pitch and roll, logged and predicted, for each position, with a band for the uncertainty of position and terrain;
     then RMS, bias, median error, correlation, and the share of logged values, not used in the fit, inside the band. Rows with
     missing values are left out and counted. With -o it writes validation.png, validation.csv and validation.nc.
     The waypoints of Curiosity and the drives of Perseverance that docs/validation.md names, and a CSV of `rockerbogie drive`,
@@ -83,26 +83,26 @@ def validate(
     mapping
         A TOML file with the meaning of the log's columns: frame, origin, [columns], [units].
     column
-        One column: --column pitch=-nose_up_deg; may be repeated, and takes precedence over the mapping. A minus turns the
-        sign; the unit is read from [deg] in the header or the name's ending. Roles: place, x, y, roll, pitch, yaw, steering_LF
-        and so on, and quaternion=qx,qy,qz,qw.
+        One column: --column pitch=-nose_up_deg; may be repeated, and takes precedence over the mapping. A minus changes the
+        sign; the unit is read from [deg] in the header or the name's ending. Roles: place, x, y, roll, pitch, yaw,
+        steering_LF and so on, and quaternion=qx,qy,qz,qw.
     frame
         Axes of the log's attitude. enu: x forward, y left, z up over east, north, up, nose down positive. ned: x forward, y
         right, z down over north, east, down: nose up positive, yaw clockwise from north.
     origin
         Origin of the log's x and y: x,y in the terrain's metres.
     position_sigma
-        Standard deviation of the logged x and of y, m.
+        Standard deviation of the logged x and y, m.
     height_sigma
         Standard deviation of the model's heights, m.
     level
         Share of values that the band contains.
     draws
-        Number of random terrains per place; 0: no band.
+        Number of random terrains per position; 0: no band.
     seed
         Seed of the draws.
     linear
-        Bilinear or smooth cubic terrain between the nodes. Default: linear for files, as it amplifies their errors less.
+        Bilinear or smooth cubic terrain between the nodes. Default: linear for files, because it amplifies their errors less.
     output
         Folder for picture and data.
     force
