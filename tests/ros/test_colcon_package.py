@@ -1,4 +1,4 @@
-"""The package for colcon: it builds, its launch file makes the node, and the installed node runs with its files."""
+"""Package for colcon: build, launch file, and the installed node with its files."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def installed(tmp_path_factory):
 
 
 def recorded(name, made):
-    """Return a stand-in for a class of launch: its instances keep their arguments, and are listed in `made`."""
+    """Return a stand-in for a class of launch, whose instances are listed in `made`."""
 
     def make(*args, **options):
         item = SimpleNamespace(kind=name, args=args, **options)
@@ -75,7 +75,7 @@ def test_the_launch_file_makes_the_installed_node(installed, monkeypatch):
 
 
 def test_the_installed_node_runs_with_its_parameters(installed):
-    """Start the executable as the launch file does: the rover and the state rate of its files are used."""
+    """Start the executable as the launch file does: its files give rover and state rate."""
     import rclpy
     from diagnostic_msgs.msg import DiagnosticArray
 

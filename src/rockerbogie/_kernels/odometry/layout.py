@@ -29,7 +29,8 @@ W_SIZE = 17
 N_SLIP_LENGTH, N_SLIP_TIME = 0, 1  # m, s
 N_ATTITUDE = 2  # (3,) rad
 N_SHARED = 5  # variance of the length, relative to its square
-N_SIZE = 6
+N_HEIGHT = 6  # variance of the body's height above the mean plane of its wheels, m²
+N_SIZE = 7
 
 # State of a track.
 T_ROTATION = 0  # (3, 3) body to world

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..jit.decorators import njit
 from .layout import (
+    N_HEIGHT,
     N_SHARED,
     N_SLIP_LENGTH,
     N_SLIP_TIME,
@@ -209,7 +210,9 @@ def advance(
                     for m in range(3):
                         for n in range(3):
                             c = covariance[3 * a + m, 3 * b + n]
-                            c = 0.0 if math.isnan(c) else min(1.0, max(-1.0, c))
+                            # wheels that rise come down again: motion along the body's z does not add up (N_HEIGHT)
+                            bounded = tilted and ((a == 0 and m == 2) or (b == 0 and n == 2))
+                            c = 0.0 if bounded or math.isnan(c) else min(1.0, max(-1.0, c))
                             value += R[i, m] * c * R[j, n]
                     Q[3 * a + i, 3 * b + j] = value * (time * alike)
     for k in range(6):
@@ -266,7 +269,7 @@ def set_pose(state: Array, noise: Array, T: Array, P: Array, length: Array) -> N
         state: (T_SIZE,) of the track.
         noise: (N_SIZE,).
         T: (4, 4) filled with T_world_body.
-        P: (6, 6) filled, with the error of the length that all wheels share.
+        P: (6, 6) filled, with the error of the length that all wheels share and that of the wheels' mean height.
         length: (2,) filled, m.
     """
     for i in range(3):
@@ -281,4 +284,5 @@ def set_pose(state: Array, noise: Array, T: Array, P: Array, length: Array) -> N
     for i in range(3):
         for j in range(3):
             P[i, j] += noise[N_SHARED] * state[T_MOVED + i] * state[T_MOVED + j]
+    P[2, 2] += noise[N_HEIGHT] * min(state[T_LENGTH] / noise[N_SLIP_LENGTH], 1.0)
     length[0], length[1] = state[T_FLAT], state[T_LENGTH]
