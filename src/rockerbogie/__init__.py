@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from ._version import __version__
+from .scene.registration import register_with_xarray
 
 if TYPE_CHECKING:
     from .compilation import Compiled as Compiled
@@ -275,6 +276,8 @@ _EXPORTS = {
     "compile_kernels": "compilation",
     "Compiled": "compilation",
 }
+
+register_with_xarray()
 
 __all__ = ["__version__", *_EXPORTS]  # noqa: PLE0604
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import base64
-import importlib
 import importlib.util
 import json
 import re
 import shutil
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -203,9 +203,22 @@ def test_show_opens_the_browser_or_fills_the_notebook(run: xr.Dataset, monkeypat
     frame = view._repr_html_()
     assert frame.startswith("<iframe srcdoc=")
     assert frame.count('"') == 8, "quotes of the page are escaped"
-    assert importlib.import_module("rockerbogie.scene.accessor")
     assert run.rockerbogie._repr_html_() == frame
     assert run.rockerbogie.to_html(tmp_path / "by_accessor.html").exists()
+
+
+@pytest.mark.parametrize("order", ["import rockerbogie; import xarray", "import xarray; import rockerbogie"])
+def test_datasets_have_the_accessor_and_the_import_stays_light(order: str) -> None:
+    first, _, second = order.partition("; ")
+    code = (
+        f"import sys, importlib.util; {first}; importlib.util.find_spec('xarray'); {second}; "
+        "print(hasattr(xarray.Dataset, 'rockerbogie'), 'rockerbogie.scene.show' in sys.modules, 'numba' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["True", "False", "False"]
+    code = "import sys, rockerbogie; print('xarray' in sys.modules, 'numpy' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "False"]
 
 
 def test_commands_write_pages(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

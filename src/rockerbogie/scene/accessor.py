@@ -1,16 +1,17 @@
 """Accessor `.rockerbogie` of xarray Datasets: a run or a map as a three-dimensional view.
 
-Importing this module registers it, as `import rioxarray` registers `.rio`.
+`import rockerbogie` registers it, before or after xarray is imported.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from .show import View, show, to_html
+if TYPE_CHECKING:
+    from .show import View
 
 
 @xr.register_dataset_accessor("rockerbogie")  # type: ignore[no-untyped-call]
@@ -29,6 +30,8 @@ class DatasetView:
         Returns:
             The view.
         """
+        from .show import show
+
         return show(self._data, **more)
 
     def to_html(self, file: str | Path, **more: Any) -> Path:
@@ -41,10 +44,13 @@ class DatasetView:
         Returns:
             The file.
         """
+        from .show import to_html
+
         return to_html(self._data, file, **more)
 
     def _repr_html_(self) -> str:
         """Return the frame that a notebook shows."""
         from .replay import page
+        from .show import View
 
         return View(page(self._data))._repr_html_()
