@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 
 from rockerbogie.cli import main
+from rockerbogie.figures.theme import on_dark
 
 
 @pytest.mark.parametrize("command", ["drive", "simulate"])
@@ -19,6 +20,19 @@ def test_a_film_of_a_run_is_written(command: str, tmp_path: Path, capsys: pytest
     assert str(film) in capsys.readouterr().out.split("\n")
     with Image.open(film) as pictures:
         assert pictures.n_frames > 10
+
+
+def test_a_film_for_a_dark_page_has_dark_paper_and_light_ink(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    film = tmp_path / "run.gif"
+    line = ["drive", "-t", "surface:plane", "--path", "0,0 0.1,0", "--speed", "0.05", "--film", str(film), "--theme", "dark"]
+    assert main(line) == 0
+    with Image.open(film) as pictures:
+        shown = np.asarray(pictures.convert("RGB"), dtype=float)
+    paper = shown[-2, 2]
+    assert np.abs(paper - 255 * np.array(on_dark("white")[:3])).max() < 8
+    assert np.abs(shown[2, 2] - paper).max() < 8, "sky and chart are on one page"
+    chart = shown[-190:]
+    assert chart[..., 0][np.ptp(chart, axis=-1) < 12].max() > 180, "axis labels are light"
 
 
 def test_video_of_a_pose_goes_around_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -123,7 +123,7 @@ def drive(
     format
         Format of the pictures: png; svg or pdf for print.
     theme
-        Colours of the pictures: light or dark page.
+        Colours of pictures and film: light or dark page.
     force
         Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
@@ -159,7 +159,7 @@ def drive(
 
             write_mcap(machine, run, output / "run.mcap", force=force)
             files.append(output / "run.mcap")
-        files += _write_film(machine, ground, run, film, bar, task) + write_page(run, html, force)
+        files += _write_film(machine, ground, run, film, theme, bar, task) + write_page(run, html, force)
     summary = summarise(run)
     if json:
         print_json(summary | {"files": files})
@@ -223,7 +223,7 @@ def simulate(
     format
         Format of the pictures: png; svg or pdf for print.
     theme
-        Colours of the pictures: light or dark page.
+        Colours of pictures and film: light or dark page.
     force
         Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
@@ -257,7 +257,7 @@ def simulate(
             files.append(drawn.save(angles_figure(*curves[figure], run, sim, beside, {}), output, name))
     if film is not None:
         with progress() as bar:
-            files += _write_film(machine, ground, sim, film, bar, bar.add_task("filming", total=None))
+            files += _write_film(machine, ground, sim, film, theme, bar, bar.add_task("filming", total=None))
     files += write_page(sim, html, force)
     short = float(sim.attrs["short_of_end"])
     motors = {name: float(sim.attrs[name]) for name in MOTORS}
@@ -348,7 +348,7 @@ def _write_run(
 
 
 def _write_film(
-    rover: Rover, terrain: Terrain, run: xr.Dataset, film: FilePath | None, bar: Progress, task: TaskID
+    rover: Rover, terrain: Terrain, run: xr.Dataset, film: FilePath | None, theme: Theme, bar: Progress, task: TaskID
 ) -> list[FilePath]:
     """Write a film of a run; return the file, or no file if `film` is None."""
     if film is None:
@@ -357,4 +357,8 @@ def _write_film(
 
     bar.update(task, description="filming")
     make_folder(film.parent)
-    return [write_film(film, rover, terrain, run, progress=lambda done, total: bar.update(task, completed=done, total=total))]
+
+    def shown(done: int, total: int) -> None:
+        bar.update(task, completed=done, total=total)
+
+    return [write_film(film, rover, terrain, run, theme=theme, progress=shown)]

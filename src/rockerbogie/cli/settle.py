@@ -93,7 +93,7 @@ def settle(
     format
         Format of the picture: png; svg or pdf for print.
     theme
-        Colours of the picture: light or dark page.
+        Colours of picture and film: light or dark page.
     force
         Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
@@ -122,7 +122,7 @@ def settle(
         if found:
             files.append(drawn.save(pose_figure(machine, ground, data, f"{machine.name} on {ground.name}"), folder, "pose"))
     if found:
-        files += _write_film(pose, film) + write_page(pose, html, force)
+        files += _write_film(pose, film, theme) + write_page(pose, html, force)
     if json:
         print_json(_record(pose, status) | {"files": files})
     else:
@@ -132,7 +132,7 @@ def settle(
     return 0 if found else EXIT_NO_POSE
 
 
-def _write_film(pose: Pose, film: Path | None) -> list[Path]:
+def _write_film(pose: Pose, film: Path | None, theme: Theme) -> list[Path]:
     """Write a film around a pose; return the file, or no file if `film` is None."""
     if film is None:
         return []
@@ -141,7 +141,11 @@ def _write_film(pose: Pose, film: Path | None) -> list[Path]:
     make_folder(film.parent)
     with progress() as bar:
         task = bar.add_task("filming", total=None)
-        return [write_turn(film, pose, progress=lambda done, total: bar.update(task, completed=done, total=total))]
+
+        def shown(done: int, total: int) -> None:
+            bar.update(task, completed=done, total=total)
+
+        return [write_turn(film, pose, theme=theme, progress=shown)]
 
 
 def _steering(rover: Rover, text: str | None) -> NDArray[np.float64] | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -23,6 +23,7 @@ from .render import Camera, Mesh, render
 from .scene import Bounds, grid_step, picture_height, stance_mesh, sunlit, trail_mesh
 from .style import COLOURS, LEFT, RIGHT, figure, look
 from .terrain_block import ground_mesh, sample_ground
+from .theme import Theme, check_theme, darken, on_dark
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,7 +36,7 @@ ENDINGS = (".gif", ".mp4")
 #: Camera's direction from the terrain, azimuth and elevation, rad.
 VIEW = (np.radians(-62.0), np.radians(25.0))
 WIDTH, CHART = 760, 190  # px
-NOW = (34, 34, 34)  # colour of the line at the present distance
+NOW = "#222222"  # colour of the line at the present distance
 CELLS = 130
 #: Width of the view in wheelbases: on a longer path the camera moves with the rover.
 WHOLE, ALONG = 7.0, 4.5
@@ -52,6 +53,7 @@ def write_film(
     view: tuple[float, float] = VIEW,
     bounds: Bounds | None = None,
     tracks: list[Mesh] | None = None,
+    theme: Theme = "light",
     progress: Progress = lambda done, total: None,
 ) -> Path:
     """Write a run as a film, GIF or MP4 by the ending of the file name.
@@ -66,6 +68,7 @@ def write_film(
         view: azimuth (from +x, counter-clockwise) and elevation of the camera, rad.
         bounds: part of the terrain to show, m; default: around the path, or around the rover where the path is long.
         tracks: ribbons on the terrain; default: the path.
+        theme: light or dark page.
         progress: called with pictures done and pictures in all.
 
     Returns:
@@ -76,19 +79,21 @@ def write_film(
     """
     path = Path(file)
     check_film(path)
+    check_theme(theme)
     if not (frames >= 2 and rate > 0):
         raise RockerbogieError(f"frames is {frames} and rate {rate}: give at least 2 pictures, and a rate above 0 per second")
     known = np.flatnonzero(np.isfinite(run["z"].values))
     if not known.size:
         raise RockerbogieError("the run has no pose to film: see its status")
     at = known[np.unique(np.linspace(0, known.size - 1, frames).round().astype(int))]
-    pictures = _pictures(rover, terrain, run, at, view, bounds, tracks, progress)
+    pictures = _pictures(rover, terrain, run, at, view, bounds, tracks, theme, progress)
     return write_pictures(path, pictures, rate)
 
 
 def write_turn(
-    file: str | Path, pose: Pose, *, frames: int = 48, rate: float = 12.5, progress: Progress = lambda done, total: None
-) -> Path:
+    file: str | Path, pose: Pose, *, frames: int = 48, rate: float = 12.5, theme: Theme = "light",
+    progress: Progress = lambda done, total: None,
+) -> Path:  # fmt: skip
     """Write a film that goes once around a pose, GIF or MP4 by the ending of the file name.
 
     Args:
@@ -96,6 +101,7 @@ def write_turn(
         pose: one pose that is not NaN.
         frames: number of pictures.
         rate: pictures per second.
+        theme: light or dark page.
         progress: called with pictures done and pictures in all.
 
     Returns:
@@ -105,12 +111,13 @@ def write_turn(
         RockerbogieError: another ending, several poses, a NaN pose, PyAV not installed.
     """
     check_film(Path(file))
+    check_theme(theme)
     if pose.shape or not np.isfinite(pose.z):
         raise RockerbogieError("a film around a pose needs one pose that is not NaN: select one, and see its status")
-    return write_pictures(Path(file), _turn(pose, frames, progress), rate)
+    return write_pictures(Path(file), _turn(pose, frames, theme, progress), rate)
 
 
-def _turn(pose: Pose, frames: int, progress: Progress) -> Iterator[Picture]:
+def _turn(pose: Pose, frames: int, theme: Theme, progress: Progress) -> Iterator[Picture]:
     """Yield pictures (height, width, 3) from all around a pose, at one scale and under one sun."""
     record, terrain = pose.to_xarray(), pose.terrain
     bounds = patch_around(pose.rover, record, terrain)
@@ -125,7 +132,18 @@ def _turn(pose: Pose, frames: int, progress: Progress) -> Iterator[Picture]:
         camera = Camera.framing(hull, azimuth, VIEW[1], (WIDTH, round(0.62 * WIDTH)))
         scene = render(mesh, camera, sun=(VIEW[0] + 0.7, np.radians(48.0)), grid=grid_step(bounds))
         progress(k + 1, frames)
-        yield (255 * (scene[..., :3] * scene[..., 3:] + 1 - scene[..., 3:])).astype(np.uint8)
+        yield _on_page(scene, theme)
+
+
+def _on_page(scene: Array, theme: Theme) -> Picture:
+    """Return a picture of a scene (height, width, 4) before the page of a theme."""
+    page = np.array(to_rgb(_of_theme("white", theme)))
+    return np.asarray(255 * (scene[..., :3] * scene[..., 3:] + page - page * scene[..., 3:]), dtype=np.uint8)
+
+
+def _of_theme(colour: str, theme: Theme) -> Any:
+    """Return the colour that stands for another one on the page of a theme."""
+    return on_dark(colour) if theme == "dark" else colour
 
 
 def write_pictures(path: Path, pictures: Iterator[Picture], rate: float) -> Path:
@@ -163,7 +181,7 @@ def check_film(file: Path) -> None:
 
 def _pictures(
     rover: Rover, terrain: Terrain, run: xr.Dataset, at: NDArray[np.intp], view: tuple[float, float], bounds: Bounds | None,
-    tracks: list[Mesh] | None, progress: Progress,
+    tracks: list[Mesh] | None, theme: Theme, progress: Progress,
 ) -> Iterator[Picture]:  # fmt: skip
     """Yield the film's pictures (height, width, 3)."""
     windows = [bounds] * len(at) if bounds is not None else _windows(rover, terrain, run, at)
@@ -172,15 +190,16 @@ def _pictures(
     base = float(np.nanmin(lows)) - 0.05
     ground = _ground(terrain, windows[0], base, ribbons)
     height = picture_height(*view, ground, WIDTH, 0.06)
-    page, column, rows = _page(run, height)
+    page, column, rows = _page(run, height, theme)
+    now = np.round(255 * np.array(to_rgb(_of_theme(NOW, theme))))
     for done, (k, window) in enumerate(zip(at, windows, strict=True)):
         if done and window != windows[done - 1]:
             ground = _ground(terrain, window, base, ribbons)
         camera = Camera.framing(ground.corners, *view, (WIDTH, height), margin=(0.01, 0.01, 0.08, 0.02))
         scene = sunlit(Mesh.join([ground, stance_mesh(rover, run.isel(time=int(k)))]), camera, 0.0, grid_step(window))
         picture = page.copy()
-        picture[:height] = 255 * (scene[..., :3] * scene[..., 3:] + 1 - scene[..., 3:])
-        picture[rows, column[k] : column[k] + 2] = NOW
+        picture[:height] = _on_page(scene, theme)
+        picture[rows, column[k] : column[k] + 2] = now
         progress(done + 1, len(at))
         yield picture
 
@@ -252,7 +271,7 @@ def _write_mp4(path: Path, pictures: Iterator[Picture], rate: float) -> None:
         container.mux(stream.encode())
 
 
-def _page(run: xr.Dataset, height: int) -> tuple[Picture, NDArray[np.int64], slice]:
+def _page(run: xr.Dataset, height: int, theme: Theme) -> tuple[Picture, NDArray[np.int64], slice]:
     """Return the constant page with the chart, the column of each record, the chart's rows."""
     whole = height + CHART
     with look():
@@ -271,6 +290,8 @@ def _page(run: xr.Dataset, height: int) -> tuple[Picture, NDArray[np.int64], sli
         chart.set_xlabel("distance (m)")
         chart.set_ylabel("deg")
         chart.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), fontsize=8.5)
+        if theme == "dark":
+            darken(fig)
         canvas = FigureCanvasAgg(fig)
         canvas.draw()  # type: ignore[no-untyped-call]
         page = np.array(canvas.buffer_rgba())[..., :3]  # type: ignore[no-untyped-call]

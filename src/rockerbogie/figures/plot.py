@@ -306,7 +306,7 @@ def steps(
 
 def film(
     run: xr.Dataset, file: str | Path, *, rover: Rover | None = None, terrain: Terrain | None = None, frames: int = 64,
-    rate: float = 12.5, view: View | None = None, force: bool = False,
+    rate: float = 12.5, view: View | None = None, theme: Theme = "light", force: bool = False,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Path:  # fmt: skip
     """Write a run as a film.
@@ -319,6 +319,7 @@ def film(
         frames: number of pictures, evenly over the run.
         rate: pictures per second.
         view: azimuth (from +x, counter-clockwise) and elevation of the camera, rad.
+        theme: light or dark page.
         force: replace a file that this package did not write.
         progress: called with pictures done and pictures in all.
 
@@ -330,7 +331,7 @@ def film(
     rover, terrain = scene_of(run, rover, terrain)
     check_outputs([file], force=force)
     seen = _view(view) or VIEW
-    return write_film(file, rover, terrain, run, frames=frames, rate=rate, view=seen, progress=progress)
+    return write_film(file, rover, terrain, run, frames=frames, rate=rate, view=seen, theme=theme, progress=progress)
 
 
 def _view(view: View | None) -> View | None:
