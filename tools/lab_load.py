@@ -25,6 +25,8 @@ from rockerbogie.lab.server import start_lab
 VISITORS = 10
 #: Pointer messages per second, as the browser sends them.
 RATE = 20.0
+#: Time for which ten visitors drag and then look, s, before they leave.
+DRAG, PAUSE = 4.0, 5.0
 
 
 class Visitor:
@@ -167,8 +169,8 @@ async def measure_visitors(seconds: float) -> dict[str, Any]:
             session.later(lambda session=session, k=k: session.state.move(0.1 * k, -0.1 * k, 0.2 * k))
         await asyncio.sleep(1.0)
         mixed += sum(abs(s.state.x - 0.1 * k) > 1e-12 for k, s in enumerate(sessions))
-        await asyncio.gather(*(v.drag(s, 8.0, 0.02 * (k + 1)) for k, (v, s) in enumerate(zip(visitors, sessions, strict=True))))
-        await asyncio.sleep(1.5)
+        await asyncio.gather(*(v.drag(s, DRAG, 0.02 * (k + 1)) for k, (v, s) in enumerate(zip(visitors, sessions, strict=True))))
+        await asyncio.sleep(PAUSE)
         for session in sessions:
             state = session.state
             alone = rb.settle(state.rover, state.terrain, state.x, state.y, state.yaw)

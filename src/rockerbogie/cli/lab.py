@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import threading
 import webbrowser
@@ -13,6 +14,9 @@ from cyclopts import Parameter
 from ..errors import RockerbogieError
 from .common import RoverName, TerrainName, parse_gravity
 from .rasters import Raster, load_terrain
+
+#: Packages of ROS that the listener imports.
+ROS_MODULES = ("rclpy", "nav_msgs.msg", "sensor_msgs.msg")
 
 
 def lab(
@@ -26,6 +30,9 @@ def lab(
     port: int | None = None,
     browser: Annotated[bool, Parameter(name="--browser", negative="--no-browser")] = True,
     light: Annotated[bool, Parameter(name="--light", negative="")] = False,
+    ros: Annotated[bool, Parameter(name="--ros", negative="")] = False,
+    namespace: str = "",
+    name: Annotated[list[str] | None, Parameter(name="--name", negative="", allow_leading_hyphen=True)] = None,
     linear: Annotated[bool | None, Parameter(name="--linear", negative="--cubic")] = None,
     raster: Raster = None,
 ) -> int:
@@ -53,19 +60,35 @@ def lab(
         Open the page in the default browser.
     light
         Draw no shadows and coarser terrain, for a browser without a graphics card.
+    ros
+        Track a robot by its ROS 2 topics odom and joint_states, such as those of `rockerbogie ros`.
+    namespace
+        With --ros: namespace of the topics.
+    name
+        With --ros: a joint's name and ours, as for `rockerbogie ros`. May be repeated.
     linear
         Bilinear instead of bicubic interpolation.
     raster
         Options of a raster file.
     """
-    from ..lab.server import LOOPBACK, start_lab
+    from ..lab.server import start_lab
     from ..rover.formats import load_rover
 
     machine, surface = load_rover(rover), load_terrain(terrain, linear, raster)
-    page = start_lab(
-        machine, surface, maps=_read_map(map_), run=_read_run(run), gravity=parse_gravity(gravity), host=host, port=port,
-        light=light,
-    )  # fmt: skip
+    if (namespace or name) and not ros:
+        raise RockerbogieError("--namespace and --name belong to --ros: add it")
+    with _live_poses(machine, namespace, name or []) if ros else contextlib.nullcontext() as live:
+        page = start_lab(
+            machine, surface, maps=_read_map(map_), run=_read_run(run), gravity=parse_gravity(gravity), host=host, port=port,
+            light=light, live=live,
+        )  # fmt: skip
+        return _serve(page, host, browser)
+
+
+def _serve(page: Any, host: str, browser: bool) -> int:
+    """Print the address of a page, open it, and serve it until Ctrl-C."""
+    from ..lab.server import LOOPBACK
+
     if host not in LOOPBACK:
         print(
             f"rockerbogie: warning: --host {host} opens the page to everyone who reaches this machine: it has no password. "
@@ -80,6 +103,17 @@ def lab(
     finally:
         page.stop()
     return 0
+
+
+def _live_poses(rover: Any, namespace: str, names: list[str]) -> Any:
+    """Return a listener to a robot's topics."""
+    from ..errors import require
+    from ..ros.joints import parse_names
+
+    require("lab --ros", "ros2", *ROS_MODULES)
+    from ..ros.poses import LivePoses
+
+    return LivePoses(rover, namespace=namespace, names=parse_names(names))
 
 
 def _read_map(file: Path | None) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -32,6 +32,7 @@ class Lab:
     gravity: float = GRAVITY["earth"]
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
     light: bool = False
+    live: Iterable[Any] | None = None  # poses of a running robot
     sessions: dict[int, Any] = field(default_factory=dict)
     server: Any = None
     _heavy: threading.Semaphore = field(default_factory=lambda: threading.Semaphore(1))
@@ -95,6 +96,9 @@ class Visit(Protocol):
             action: takes nothing.
             key: a later action with the same key replaces this one.
         """
+
+    def leave(self) -> None:
+        """Leave the run and the robot: the rover stays where it is, free to be moved."""
 
     def callback(self, action: Callable[[Any], Any], key: Any = None) -> Callable[[Any], None]:
         """Return a callback for viser that hands an action over.

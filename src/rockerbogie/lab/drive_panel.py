@@ -172,7 +172,7 @@ class DrivePanel:
             y: m.
         """
         if self.click.value == MOVE:
-            self.leave()
+            self.session.leave()
             self.session.state.target = (x, y, self.session.state.yaw)
         elif self.click.value == DRAW:
             self._add(x, y)
@@ -274,6 +274,7 @@ class DrivePanel:
 
     def _use(self, run: Record, play: bool) -> None:
         """Show a run from its start."""
+        self.session.leave()
         self.forget()
         self.run, self.time = run, 0.0
         self.scrub.max = max(round(run.duration, 2), 0.02)

@@ -83,12 +83,12 @@ class PosePanel:
 
     def _typed(self, _: Any) -> None:
         """Move the rover to the position in the fields."""
-        self.session.drive_panel.leave()
+        self.session.leave()
         self.session.state.target = (float(self.x.value), float(self.y.value), math.radians(float(self.yaw.value)))
 
     def _step(self, forward: float, turn: float, _: Any) -> None:
         """Move the rover by one press of a key."""
-        self.session.drive_panel.leave()
+        self.session.leave()
         state = self.session.state
         state.target = state.step(forward * state.size, turn)
 

@@ -6,7 +6,7 @@ import contextlib
 import http
 import socket
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
@@ -20,6 +20,7 @@ from ..settling.settle import settle
 from ..terrain.heightfield import Terrain
 from .context import Lab
 from .index_page import with_script
+from .live_panel import LivePose, hand_over
 from .readings import measure
 from .state import start_position
 from .style import BRAND
@@ -49,6 +50,7 @@ def start_lab(
     host: str = "127.0.0.1",
     port: int | None = None,
     light: bool = False,
+    live: Iterable[LivePose] | None = None,
 ) -> Lab:
     """Start the page and return at once.
 
@@ -61,6 +63,7 @@ def start_lab(
         host: address to listen at. The default is this machine only.
         port: None: the first free one from 8080.
         light: draw without shadows and with a coarser terrain, for browsers without a graphics card.
+        live: poses of a running robot, which the rover tracks; it ends with its source.
 
     Returns:
         The lab; `stop` ends it.
@@ -70,10 +73,12 @@ def start_lab(
     """
     require("the page", "lab", "viser", "trimesh")
     free = free_port(host, port)
-    lab = Lab(rover, terrain, maps, run, gravity, (*start_position(terrain), 0.0), light)
+    lab = Lab(rover, terrain, maps, run, gravity, (*start_position(terrain), 0.0), light, live=live)
     warm_up(lab)
     lab.server = _make_server(host, free)
     _decorate(lab)
+    if live is not None:
+        threading.Thread(target=hand_over, args=(live, lab.sessions), daemon=True, name="lab-live").start()
     return lab
 
 

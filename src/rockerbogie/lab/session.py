@@ -20,6 +20,7 @@ from ..statics.stability import Stability
 from .context import Lab
 from .drive_panel import DrivePanel
 from .forces_view import ForcesView
+from .live_panel import LivePanel
 from .picking import ray_hit
 from .pose_panel import PosePanel
 from .readings import measure, readings, readings_html, wheels_html
@@ -76,6 +77,7 @@ class Session:
             self.numbers = gui.add_html("")
             tabs = gui.add_tab_group()
             with tabs.add_tab("Pose"):
+                self.live_panel = LivePanel(self)
                 self.pose_panel = PosePanel(self)
             with tabs.add_tab("Drive"):
                 self.drive_panel = DrivePanel(self)
@@ -107,6 +109,11 @@ class Session:
                 return
             self._jobs[object() if key is None else key] = action
             self._wake.notify()
+
+    def leave(self) -> None:
+        """Leave the run and the robot: the rover stays where it is, free to be moved."""
+        self.live_panel.leave()
+        self.drive_panel.leave()
 
     def callback(self, action: Callable[[Any], Any], key: Any = None) -> Callable[[Any], None]:
         """Return a callback for viser that hands an action over.
@@ -208,8 +215,8 @@ class Session:
         """Build the meshes of the rover."""
         for view in (self.rover_view, self.ghost):
             view.build(self.state.rover, self.light)
+            view.on_drag(self._dragged)  # the ghost may stand in front of the rover
         self.ghost.show(False)
-        self.rover_view.on_drag(self._dragged)
         self.ring.build(self.state.rover, self._turned)
         self.redraw()
 
@@ -226,6 +233,8 @@ class Session:
         if frame is None:
             pose, position, drawn = self.state.pose, (self.state.x, self.state.y, self.state.yaw), self.state.pose.q
             steering, turned = None, np.zeros(6)
+            if self.live_panel.tracking and (live := self.live_panel.pose) is not None:
+                steering, turned = live.steering, live.wheel_angle
             if not np.isfinite(drawn).all():
                 drawn = standing(self.state.rover, self.state.terrain, *position[:2])
         else:
@@ -236,8 +245,9 @@ class Session:
         with self.client.atomic():
             self.rover_view.place(offset, position, drawn, steering, turned)
             self.ring.place(offset, position, drawn)
+            self.live_panel.draw(drawn, offset)
             self.terrain_view.refine(position[0], position[1], 1.5 * self.state.size)
-            at_rest = self.state.target is None and not self.drive_panel.playing
+            at_rest = not (self.state.target or self.drive_panel.playing or self.live_panel.moving)
             if now >= self._numbers_due or at_rest:
                 self._show_numbers(pose, position)
                 self._numbers_due = 0.0 if at_rest else now + 1.0 / NUMBERS
@@ -250,6 +260,7 @@ class Session:
         self.pose_panel.show(position, wheels_html(pose, loads))
         self.forces.show(pose, loads, self.terrain_view.offset)
         self.drive_panel.show_charts()
+        self.live_panel.show(pose)
 
     def look(self) -> None:
         """Turn the visitor's camera to the rover, from behind and above."""
@@ -286,7 +297,7 @@ class Session:
 
     def _drag(self, phase: str, grabbed: Any, pointer: Any) -> None:
         """Handle one drag event of the rover."""
-        self.drive_panel.leave()
+        self.leave()
         if phase == "start" or not self._grab:
             point: Array = np.asarray(grabbed) + self.terrain_view.offset
             ground = float(self.state.terrain.height(point[0], point[1]))
@@ -305,7 +316,7 @@ class Session:
 
     def _turn(self, phase: str, grabbed: Any, pointer: Any) -> None:
         """Handle one drag event of the ring."""
-        self.drive_panel.leave()
+        self.leave()
         offset, centre = self.terrain_view.offset, (self.state.x, self.state.y)
 
         def azimuth(point: Any) -> float:
