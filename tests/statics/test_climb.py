@@ -328,6 +328,19 @@ def test_steeper_friction_limit_is_met_exactly() -> None:
     assert set(short.wheels) == {"LR", "RR"}
 
 
+def test_the_torque_of_the_rovers_motors_is_the_default_limit() -> None:
+    strong, step = rb.load_rover("curiosity"), rb.obstacles.step(0.25)
+    free = rb.climb(strong, step, friction=0.9)
+    assert np.isinf(free.torque_limit)
+    needed = free.required_torque[free.uphill].max()
+    weak = strong.replace(wheel_torque=0.9 * needed)
+    stalled = rb.climb(weak, step, friction=0.9)
+    assert stalled.limit == "torque"
+    assert stalled.torque_limit == pytest.approx(0.9 * needed)
+    assert rb.climb(weak, step, friction=0.9, torque=np.inf).climbed
+    assert rb.limits_of(weak, friction=0.9).torque_limit == pytest.approx(0.9 * needed)
+
+
 def test_torque_limit_is_met_exactly() -> None:
     rover, step = rb.load_rover("curiosity"), rb.obstacles.step(0.2)
     free = rb.climb(rover, step, friction=0.9)
@@ -447,7 +460,7 @@ def test_bad_obstacles_are_refused() -> None:
 def test_bad_arguments_are_refused() -> None:
     rover, step = rb.load_rover("osr"), rb.obstacles.step(0.05)
     for change in (
-        {"friction": -0.1}, {"friction": np.nan}, {"friction": "0.7"}, {"torque": 0.0}, {"torque": np.inf}, {"gravity": 0.0},
+        {"friction": -0.1}, {"friction": np.nan}, {"friction": "0.7"}, {"torque": 0.0}, {"torque": -np.inf}, {"torque": np.nan}, {"gravity": 0.0},
         {"direction": "sideways"}, {"law": "magic"},
     ):  # fmt: skip
         with pytest.raises(RockerbogieError):

@@ -73,7 +73,7 @@ def climb(
     friction
         Coefficient of friction between wheels and terrain.
     torque
-        Largest torque of a hub motor, N m. Default: no limit.
+        Largest torque of a hub motor, N m; inf for no limit. Default: that of the rover, if it states one.
     backward
         Drive backward.
     law

@@ -52,7 +52,8 @@ class Climb:
     At corners of the wheels' paths two stations have the same position: just before and just after a wheel changes its contact.
 
     Attributes:
-        rover, profile, direction, friction, torque_limit, law, gravity: as given; `torque_limit` is inf without a limit.
+        rover, profile, direction, friction, law, gravity: as given.
+        torque_limit: as given, or that of the rover's motors, N m; inf without a limit.
         distance: (n,) mean travel of the six hubs along their paths, m.
         x, z, pitch: (n,) of the body's reference point and of the body, m and rad; x and z are of the profile, pitch is
             nose-down positive.
@@ -190,7 +191,8 @@ def climb(
         rover: with masses; its sides must mirror each other.
         profile: the obstacle (`rockerbogie.obstacles`).
         friction: coefficient of friction between wheels and terrain, 0 or more.
-        torque: largest torque of a hub motor, N m, above 0. Default: no limit.
+        torque: largest torque of a hub motor, N m, above 0; inf for no limit. Default: the least of the rover's `wheel_torque`, which
+            is inf where it is not known.
         direction: "forward" or "backward".
         law: "least_friction": the smallest coefficient with which some distribution of torques holds the rover, a bound for every
             controller. "equal_slip": all wheels use the same share of friction, as wheels that are driven at one rate and slip.
@@ -213,9 +215,8 @@ def climb(
     required, force, needed, torque_force = _forces(run, friction, law)
     if law == "least_friction":  # the forces to show: those of least torque where this friction suffices
         force = np.where(np.isfinite(needed)[:, None], torque_force, force)
-    limit, station = first_failure(
-        run, required, needed, friction, np.inf if torque is None else torque / run.torque_unit(gravity)
-    )
+    torque_limit = motor_limit(rover, torque)
+    limit, station = first_failure(run, required, needed, friction, torque_limit / run.torque_unit(gravity))
     weight = run.rover.mass * gravity
     axle = [0, 0, 1, 1, 2, 2]
     radius = np.array(run.rover.radius)
@@ -225,7 +226,7 @@ def climb(
         slides = ~run.uphill & (required > friction * (1.0 + ROUNDING) + ROUNDING)
     return Climb(
         rover=rover, profile=profile, direction=direction, friction=float(friction),
-        torque_limit=np.inf if torque is None else float(torque), law=law, gravity=float(gravity),
+        torque_limit=torque_limit, law=law, gravity=float(gravity),
         distance=run.distance, x=run.body.real, z=run.body.imag, pitch=run.pitch, bogie=run.bogie_angle,
         hub=vectors["hub"], contact_point=vectors["point"], contact_normal=vectors["contact"],
         normal=0.5 * weight * force[:, axle], traction=0.5 * weight * force[:, 3:][:, axle],
@@ -247,9 +248,22 @@ def check_arguments(rover: Rover, friction: float, torque: float | None, gravity
     expect(rover, Rover, "rover", LOAD_ROVER)
     if not (_is_number(friction) and friction >= 0.0):
         raise RockerbogieError(f"friction is {friction!r:.40}; give a coefficient of 0 or more, such as 0.7")
-    if torque is not None and not (_is_number(torque) and torque > 0.0):
-        raise RockerbogieError(f"torque is {torque!r:.40}; give the limit of a hub motor in N m, above 0, or None for no limit")
+    if torque is not None and torque != np.inf and not (_is_number(torque) and torque > 0.0):
+        raise RockerbogieError(f"torque is {torque!r:.40}; give the limit of a hub motor in N m, above 0, or inf for no limit")
     checked_gravity(gravity)
+
+
+def motor_limit(rover: Rover, torque: float | None) -> float:
+    """Return the torque limit of a climb.
+
+    Args:
+        rover: the rover.
+        torque: limit given, N m, or None.
+
+    Returns:
+        The limit given, or the least of the rover's hub motors, N m; inf without a limit.
+    """
+    return float(rover.wheel_torque.min() if torque is None else torque)
 
 
 def _is_number(value: object) -> bool:

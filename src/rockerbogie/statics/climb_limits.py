@@ -13,7 +13,7 @@ from ..settling.pose import GRAVITY
 from ..settling.settle import settle
 from ..terrain import surfaces
 from . import obstacles
-from .climb import ROUNDING, Direction, check_arguments, first_failure, station_balance
+from .climb import ROUNDING, Direction, check_arguments, first_failure, motor_limit, station_balance
 from .loads import wheel_loads
 from .obstacles import Profile
 from .planar import PlanarRover, planar_rover
@@ -40,7 +40,8 @@ class ClimbLimits:
 
     Attributes:
         rover: its name.
-        friction, torque_limit, gravity: as given; `torque_limit` is inf without a limit.
+        friction, gravity: as given.
+        torque_limit: as given, or that of the rover's motors, N m; inf without a limit.
         wheel_radius: largest of the six, m.
         slope_up, slope_down, slope_across: steepest slope that it climbs, descends and stands across, rad.
         step_forward, step_backward: highest step, m.
@@ -74,7 +75,8 @@ def limits_of(rover: Rover, *, friction: float, torque: float | None = None, gra
     Args:
         rover: with masses; its sides must mirror each other.
         friction: coefficient of friction between wheels and terrain, 0 or more.
-        torque: largest torque of a hub motor, N m, above 0. Default: no limit.
+        torque: largest torque of a hub motor, N m, above 0; inf for no limit. Default: the least of the rover's `wheel_torque`, which
+            is inf where it is not known.
         gravity: m/s², above 0 (`GRAVITY`).
 
     Returns:
@@ -87,7 +89,7 @@ def limits_of(rover: Rover, *, friction: float, torque: float | None = None, gra
     check_arguments(rover, friction, torque, gravity)
     forward, backward = planar_rover(rover, False), planar_rover(rover, True)
     unit = 0.5 * forward.mass * gravity * forward.size
-    limit = np.inf if torque is None else torque / unit
+    limit = motor_limit(rover, torque) / unit
     found: dict[str, float] = {}
     why: dict[str, str] = {}
     found["slope_up"], why["slope_up"] = _steepest(lambda angle: _slope_verdict(forward, angle, friction, limit))
@@ -114,7 +116,7 @@ def limits_of(rover: Rover, *, friction: float, torque: float | None = None, gra
             0
         ].max()
     return ClimbLimits(
-        rover=rover.name, friction=float(friction), torque_limit=np.inf if torque is None else float(torque),
+        rover=rover.name, friction=float(friction), torque_limit=motor_limit(rover, torque),
         gravity=float(gravity), wheel_radius=float(rover.wheel_radius.max()), slope_torque=float(slope_torque) * unit,
         step_torque=float(step_torque) * unit, why=why, **found,
     )  # fmt: skip
