@@ -17,6 +17,7 @@ from rockerbogie._kernels import batch
 from rockerbogie._kernels.dynamics import rollout
 from rockerbogie._kernels.model import ground, jacobians
 from rockerbogie._kernels.odometry import commands, twist
+from rockerbogie._kernels.simd import bilinear_touch
 from rockerbogie._kernels.soil import forces, table
 from rockerbogie._kernels.statics import loads
 from rockerbogie._kernels.verify import gap
@@ -28,6 +29,7 @@ SIGNATURES = {
     batch.settle_cubic: 1, batch.settle_linear: 1, batch.settle_left: 2, batch.rest_batch: 2, batch.rest_left: 2,
     batch.touch_batch: 2, batch.clearance_batch: 2, ground.surface_batch: 2, gap.verify_batch: 1,
     batch.settle_bridged: 2, batch.rest_bridged: 2, loads.belly_batch: 2, loads.loads_batch: 1, loads.stability_batch: 1,
+    bilinear_touch.touch_linear: 1,
     rollout.predict_batch: 2,
     forces.forces_batch: 1, forces.motion_batch: 1, table.table_batch: 1, table.motion_table_batch: 1,
     commands.commands_batch: 1, twist.twist_batch: 1, jacobians.wheel_jacobians_batch: 1,

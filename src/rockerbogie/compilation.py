@@ -17,7 +17,7 @@ from .errors import RockerbogieError
 TOO_STEEP = 1.3
 
 #: Number of steps of `_steps`.
-STEPS = 29
+STEPS = 30
 
 
 class Compiled(NamedTuple):
@@ -79,7 +79,7 @@ def _steps() -> Iterator[Callable[[], object]]:
     from .soil.load import load_soil
     from .soil.table import tabulate
     from .statics.loads import wheel_loads
-    from .statics.stability import stability
+    from .statics.stability import force_values, stability
     from .terrain import surfaces
     from .terrain.heightfield import Terrain
 
@@ -105,6 +105,7 @@ def _steps() -> Iterator[Callable[[], object]]:
     yield partial(wheel_jacobians, rover, pose)
     yield partial(body_twist, rover, pose)
     yield partial(stability, pose)
+    yield partial(force_values, pose, ("tip_margin",))
     soil = load_soil("lunar-lrv-b")
     yield partial(wheel_soil_forces, soil, 0.25, 0.4, 500.0, 0.1)
     table = tabulate(soil, 0.25, 0.4, (100.0, 500.0), size=(6, 7, 6))

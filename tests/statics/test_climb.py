@@ -460,8 +460,8 @@ def test_bad_obstacles_are_refused() -> None:
 def test_bad_arguments_are_refused() -> None:
     rover, step = rb.load_rover("osr"), rb.obstacles.step(0.05)
     for change in (
-        {"friction": -0.1}, {"friction": np.nan}, {"friction": "0.7"}, {"torque": 0.0}, {"torque": -np.inf}, {"torque": np.nan}, {"gravity": 0.0},
-        {"direction": "sideways"}, {"law": "magic"},
+        {"friction": -0.1}, {"friction": np.nan}, {"friction": "0.7"}, {"torque": 0.0}, {"torque": -np.inf},
+        {"torque": np.nan}, {"gravity": 0.0}, {"direction": "sideways"}, {"law": "magic"},
     ):  # fmt: skip
         with pytest.raises(RockerbogieError):
             rb.climb(rover, step, **({"friction": 0.7} | change))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from test_loads import settled
 
 import rockerbogie as rb
 from rockerbogie._kernels.jit.vectors import LANES, NumpyRows
 from rockerbogie._kernels.statics import primal_dual
 from rockerbogie._kernels.statics.lane_rows import PROBLEM, RESULT, ROWS, STATE, WHEEL
+from rockerbogie.statics.contacts import pack_contacts
 
 
 def random_lanes(rng: np.random.Generator) -> np.ndarray:
@@ -54,3 +56,14 @@ def test_loads_do_not_depend_on_the_other_poses_of_a_batch() -> None:
         one = rb.wheel_loads(rb.settle(pose.rover, pose.terrain, pose.x[k], pose.y[k], pose.yaw[k], mode="equilibrium"))
         np.testing.assert_array_equal(one.normal, many.normal[k])
         np.testing.assert_array_equal(one.friction_bound, many.friction_bound[k])
+
+
+@pytest.mark.parametrize(("name", "surface"), [("curiosity", "mars"), ("osr", "rocks"), ("elhami-dashti", "rocks")])
+def test_contacts_of_lanes_are_those_of_the_pose(name: str, surface: str) -> None:
+    """Compare on smooth cells, at ridges and where treads touch along their whole width."""
+    pose = settled(name, 5, 400, surface=surface)
+    flat = rb.settle(pose.rover, rb.surfaces.plane(interpolation="linear"), np.linspace(-1.0, 1.0, 9), 0.3, 0.7)
+    for many in (pose, flat):
+        slow, fast = pack_contacts(many), pack_contacts(many, fast=True)
+        np.testing.assert_allclose(fast.point, slow.point, atol=1e-6)  # known to the root of the gap's rounding
+        np.testing.assert_allclose(fast.normal, slow.normal, atol=1e-6)

@@ -191,8 +191,8 @@ def climb(
         rover: with masses; its sides must mirror each other.
         profile: the obstacle (`rockerbogie.obstacles`).
         friction: coefficient of friction between wheels and terrain, 0 or more.
-        torque: largest torque of a hub motor, N m, above 0; inf for no limit. Default: the least of the rover's `wheel_torque`, which
-            is inf where it is not known.
+        torque: largest torque of a hub motor, N m, above 0; inf for no limit. Default: the least of the rover's `wheel_torque`,
+            which is inf where it is not known.
         direction: "forward" or "backward".
         law: "least_friction": the smallest coefficient with which some distribution of torques holds the rover, a bound for every
             controller. "equal_slip": all wheels use the same share of friction, as wheels that are driven at one rate and slip.

@@ -75,8 +75,8 @@ def limits_of(rover: Rover, *, friction: float, torque: float | None = None, gra
     Args:
         rover: with masses; its sides must mirror each other.
         friction: coefficient of friction between wheels and terrain, 0 or more.
-        torque: largest torque of a hub motor, N m, above 0; inf for no limit. Default: the least of the rover's `wheel_torque`, which
-            is inf where it is not known.
+        torque: largest torque of a hub motor, N m, above 0; inf for no limit. Default: the least of the rover's `wheel_torque`,
+            which is inf where it is not known.
         gravity: m/s², above 0 (`GRAVITY`).
 
     Returns:

@@ -15,7 +15,7 @@ from .._kernels.statics.lane_friction import GAP
 from ..arrays import Array
 from ..errors import RockerbogieError
 from ..settling.pose import Pose, checked_gravity
-from .contacts import pack_contacts
+from .contacts import PackedContacts, pack_contacts
 
 #: Gravity less the acceleration below which a rover counts as weightless, m/s².
 WEIGHTLESS = 1e-6
@@ -115,6 +115,7 @@ def solve_loads(
     acceleration: ArrayLike | None = None,
     law: Law = "least_friction",
     gap: float = GAP,
+    packed: PackedContacts | None = None,
 ) -> WheelLoads:
     """Compute contact forces as `wheel_loads`, the least friction to a given accuracy.
 
@@ -122,6 +123,7 @@ def solve_loads(
         pose, gravity, drawbar, acceleration, law: as for `wheel_loads`.
         gap: power of all forces, of the weight, at which the search for the least friction ends. The coefficient's error
             is about this, and certified to 100 times as much.
+        packed: contacts of the poses. Default: those of `pack_contacts`.
 
     Returns:
         WheelLoads with the pose's batch axes.
@@ -129,7 +131,7 @@ def solve_loads(
     Raises:
         RockerbogieError: as `wheel_loads`.
     """
-    packed = pack_contacts(pose)
+    packed = packed or pack_contacts(pose)
     if law not in LAWS:
         raise RockerbogieError(f"law {law!r} is not known; give one of {', '.join(LAWS)}")
     pull = _spread("drawbar", drawbar, pose.shape)

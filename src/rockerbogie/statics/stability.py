@@ -134,26 +134,27 @@ def force_values(pose: Pose, names: Collection[str]) -> dict[str, Array]:
     Returns:
         Arrays (...) by name: friction and torque (N m) under the law of least friction, the margin in rad.
     """
-    values = {}
+    if not names:
+        return {}
+    values, packed = {}, pack_contacts(pose, fast=True)
     if "required_friction" in names or "max_torque" in names:
-        loads = solve_loads(pose, gap=MAP_GAP)
+        loads = solve_loads(pose, gap=MAP_GAP, packed=packed)
         values = {"required_friction": loads.required_friction, "max_torque": np.abs(loads.torque).max(axis=-1)}
     if "tip_margin" in names:
-        values["tip_margin"] = _tip_margins(pose)
+        values["tip_margin"] = _tip_margins(packed).reshape(pose.shape)
     return {name: values[name] for name in names}
 
 
-def _tip_margins(pose: Pose) -> Array:
-    """Return the tip margins (...) of poses to the accuracy of maps, rad."""
-    n = pose.status.size
+def _tip_margins(packed: PackedContacts) -> Array:
+    """Return the tip margins (n,) of poses to the accuracy of maps, rad."""
+    n = packed.yaw.size
     margin, bound, direction = np.empty((3, n))
     stays, slides, unwanted = np.empty((n, 6), dtype=bool), np.empty(n, dtype=bool), np.empty(0)
-    packed = pack_contacts(pose)
     parallel_for(
         kernel.stability_batch, n, *packed, GRIP, MAP_MARGIN, margin, bound, direction, stays, slides, unwanted, unwanted
     )  # fmt: skip
     margin[_tip_angles(packed, margin, GRIP) < 0.0] = 0.0
-    return margin.reshape(pose.shape)
+    return margin
 
 
 def load_values(pose: Pose) -> dict[str, NDArray[np.generic]]:
