@@ -153,7 +153,9 @@ first_calls = FirstCalls()
 
 @contextmanager
 def compile_first() -> Iterator[None]:
-    """Compile kernels before their first call inside a `with` block, for work that plain Python would slow down.
+    """Compile kernels before their first call inside a `with` block.
+
+    It is for work that plain Python would slow down.
 
     Yields:
         None.
