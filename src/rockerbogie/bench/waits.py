@@ -51,7 +51,7 @@ def waits(poses: int = 1000) -> list[Row]:
     with threads(1):
         unit = fsolve_baseline(reference, *places(reference, 20), "hub").seconds
         rows = [_row(name, spent, "fsolve", unit) for case in waiting_cases() for name, spent in _settling(case, poses)]
-        rows.append(_row(f"map of all layers: {mars_case('linear').name}", _map_seconds(), "fsolve", unit))
+        rows.append(_row(f"map of the default layers: {mars_case('linear').name}", _map_seconds(), "fsolve", unit))
     unit = process_seconds(["-c", "import numba"])
     return rows + [_row(name, spent, "import", unit) for name, spent in _starts()]
 
