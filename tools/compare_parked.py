@@ -1,6 +1,7 @@
 """Compare required friction with MuJoCo, on planes and rocks with locked wheels.
 
     python tools/compare_parked.py --poses 200 --seed 0
+    python tools/compare_parked.py --loads --poses 16
 
 Each rover has thin wheels, fixed to their links; rockers, bogies and the differential move. Under each wheel lies the plane
 that is tangent to the terrain at its contact, so that both models have the same contact normals. Bisection finds the
@@ -82,6 +83,22 @@ class Parked:
                 return True
         return self._moved(loaded, data.qpos) > SLID
 
+    def normal_forces(self, friction: float) -> np.ndarray:
+        """Return the normal forces (6,) of the parked rover at a friction coefficient, of the weight."""
+        mujoco, model = self.mujoco, self.model
+        data, force = mujoco.MjData(model), np.empty(6)
+        data.qpos[:] = self.start.qpos
+        model.geom_friction[self.wheels, 0] = friction
+        for n in range(int((SETTLING + WATCHED) / STEP)):
+            model.opt.gravity[2] = -9.81 * min(1.0, n * STEP / SETTLING)
+            mujoco.mj_step(model, data)
+        found = np.zeros(6)
+        for k in range(data.ncon):
+            mujoco.mj_contactForce(model, data, k, force)
+            wheel = next(i for i, geom in enumerate(self.wheels) if geom in data.contact[k].geom)
+            found[wheel] += force[0]
+        return found / (9.81 * float(model.body_mass.sum()))
+
     def _moved(self, before: np.ndarray, now: np.ndarray) -> float:
         """Return the greatest change of position (over the wheelbase) or of a joint (rad)."""
         change = now - before
@@ -150,14 +167,56 @@ def compare(case: tuple[str, str, int, int]) -> list[float]:
     return found
 
 
+def compare_loads(name: str, poses: int, seed: int) -> tuple[float, float]:
+    """Return the largest differences of normal forces that statics determines, of the weight.
+
+    On a level plane, statics determines all six. On a slope, tractions in the plane have no moment about lines in it, so that
+    statics determines their sum and their centre.
+
+    Args:
+        name: rover.
+        poses: number of headings on the level plane, and of random slopes.
+        seed: of the slopes.
+
+    Returns:
+        Largest difference of a wheel's force on the level plane; of the sum, or of the moment over the farthest contact's distance,
+        on slopes.
+    """
+    rover = rb.load_rover(name).replace(wheel_width=0.0, masses="keep")
+    level = rb.surfaces.plane(interpolation="linear")
+    worst, worst_sum, rng = 0.0, 0.0, np.random.default_rng([seed, ROVERS.index(name)])
+    for yaw in np.linspace(0.0, 2.0 * np.pi, poses, endpoint=False):
+        pose = rb.settle(rover, level, 0.0, 0.0, yaw)
+        expected = rb.wheel_loads(pose, law="vertical").normal / (rover.mass * rb.GRAVITY["earth"])
+        worst = max(worst, float(np.abs(Parked(rover, pose).normal_forces(0.8) - expected).max()))
+    for _ in range(poses):
+        pose = None
+        while pose is None:
+            pose = draw_pose(rng, rover, "planes")
+        loads = rb.wheel_loads(pose)
+        expected = loads.normal / (rover.mass * rb.GRAVITY["earth"])
+        found = Parked(rover, pose).normal_forces(1.5 * float(loads.required_friction))
+        points = pose.contact_point[:, :] - pose.contact_point.mean(axis=0)
+        moment = (found - expected) @ points / np.abs(points).max()
+        worst_sum = max(worst_sum, abs(float((found - expected).sum())), float(np.abs(moment).max()))
+    return worst, worst_sum
+
+
 def main() -> None:
     """Run the comparison and print its table."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
     parser.add_argument("--poses", type=int, default=200, help="poses of each rover on each kind of terrain")
     parser.add_argument("--ground", choices=("planes", "rocks"), action="append", help="default: both")
+    parser.add_argument("--loads", action="store_true", help="compare normal forces on planes instead of friction")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--output", type=Path, help="write the thresholds as JSON")
     options = parser.parse_args()
+    if options.loads:
+        print("| rover | level plane: a wheel | slopes: sum or centre |\n|---|---|---|")
+        for name in ROVERS:
+            worst, worst_sum = compare_loads(name, options.poses, options.seed)
+            print(f"| {name} | {100 * worst:.2f} % | {100 * worst_sum:.2f} % |")
+        return
     cases = [(name, ground, options.poses, options.seed) for ground in options.ground or ("planes", "rocks") for name in ROVERS]
     with multiprocessing.Pool() as pool:
         results = pool.map(compare, cases, chunksize=1)
