@@ -84,7 +84,7 @@ class Parked:
         return self._moved(loaded, data.qpos) > SLID
 
     def normal_forces(self, friction: float) -> np.ndarray:
-        """Return the normal forces (6,) of the parked rover at a friction coefficient, of the weight."""
+        """Return the normal forces (6,) of the rover at a friction coefficient, of the weight."""
         mujoco, model = self.mujoco, self.model
         data, force = mujoco.MjData(model), np.empty(6)
         data.qpos[:] = self.start.qpos
@@ -179,8 +179,8 @@ def compare_loads(name: str, poses: int, seed: int) -> tuple[float, float]:
         seed: of the slopes.
 
     Returns:
-        Largest difference of a wheel's force on the level plane; of the sum, or of the moment over the farthest contact's distance,
-        on slopes.
+        Largest difference of a wheel's force on the level plane; of the sum, or of the moment over the farthest contact's
+        distance, on slopes.
     """
     rover = rb.load_rover(name).replace(wheel_width=0.0, masses="keep")
     level = rb.surfaces.plane(interpolation="linear")
