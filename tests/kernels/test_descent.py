@@ -13,7 +13,7 @@ from rockerbogie._kernels.model import linkage
 from rockerbogie._kernels.model.ground import META_X, META_Y, META_Z
 from rockerbogie._kernels.search.workspace import WORK_SIZE, lay_out
 from rockerbogie._kernels.solve.descent import let_down
-from rockerbogie._kernels.solve.equilibrium import CONSTRAINTS, ROWS
+from rockerbogie._kernels.solve.energy import CONSTRAINTS, ROWS
 from support import oracle
 from support.helpers import assert_close
 

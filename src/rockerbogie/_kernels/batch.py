@@ -39,7 +39,8 @@ from .simd.cubic_newton import guaranteed_step
 from .simd.cubic_settle import ROUNDS, load, settle_block
 from .simd.layout import BILINEAR, BILINEAR_SIZE, CONTACT, CUBIC, CUBIC_SIZE, LANES, LINE, POSE
 from .simd.linkage import line_up
-from .solve.equilibrium import R_SIZE, settle_equilibrium, settle_from_pose
+from .solve.equilibrium import settle_equilibrium, settle_from_pose
+from .solve.forces import R_SIZE
 from .solve.newton import CONVERGED, JOINT_STOP, NO_DATA, NOT_CONVERGED, STARTS, beyond_stops, covered, settle_contact
 
 Array = NDArray[np.float64]
@@ -229,7 +230,7 @@ def rest_batch(
         steering: (n, 6) or (1, 6) steering angles, rad.
         out: (n, 6) filled with the poses, NaN where none is found.
         status: (n,) filled.
-        report: (n, equilibrium.R_SIZE) filled with forces and flags, NaN where no pose is found.
+        report: (n, forces.R_SIZE) filled with forces and flags, NaN where no pose is found.
         start, stop: range of poses that this call solves for.
     """
     buffer = np.empty(WORK_SIZE)
@@ -258,7 +259,7 @@ def rest_left(
         steering: (n, 6) or (1, 6) steering angles, rad.
         out: (n, 6) the six-wheel poses of `settle_left`, NaN where there is none; replaced by the equilibrium, NaN if none.
         status: (n,) the statuses of the first search; replaced where an equilibrium is found.
-        report: (n, equilibrium.R_SIZE) forces and flags; written where an equilibrium is found.
+        report: (n, forces.R_SIZE) forces and flags; written where an equilibrium is found.
         left: (m,) indices of the poses to solve for.
         start, stop: range of `left` that this call solves for.
     """
@@ -345,7 +346,7 @@ def rest_bridged(
         steering: (n, 6) or (1, 6) steering angles, rad.
         out: (n, 6) poses; written where one is found.
         status: (n,) statuses; written where a pose is found.
-        report: (n, equilibrium.R_SIZE) forces and flags; written where a pose is found.
+        report: (n, forces.R_SIZE) forces and flags; written where a pose is found.
         left: (m,) indices of the poses to solve for.
         start, stop: range of `left` that this call solves for.
     """

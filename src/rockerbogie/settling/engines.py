@@ -37,7 +37,7 @@ class Batch(NamedTuple):
     steering: Array  # (n, 6) or (1, 6) rad
     q: Array  # (n, 6) filled: z (m), roll, pitch, rocker, bogie left, bogie right (rad)
     status: NDArray[np.uint8]  # (n,) filled
-    report: Array  # (n, equilibrium.R_SIZE) filled in equilibrium mode; (0, R_SIZE) in contact mode
+    report: Array  # (n, forces.R_SIZE) filled in equilibrium mode; (0, R_SIZE) in contact mode
 
 
 def settle_batch(mode: Mode, poses: Batch) -> None:

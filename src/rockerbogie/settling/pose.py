@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .._kernels import batch
 from .._kernels.jit.parallel import parallel_for
-from .._kernels.solve import equilibrium
+from .._kernels.solve.forces import R_BELLY, R_FORCE, R_LIFTED
 from ..arrays import Array, flat, flat_steering
 from ..errors import RockerbogieError
 from ..rotations import body_transform
@@ -198,19 +198,19 @@ class Pose:
     @property
     def support(self) -> Array:
         """(..., 6) frictionless contact force of each wheel, N; equilibrium mode only."""
-        return np.asarray(self._report(equilibrium.R_FORCE, 6) * self.rover.mass * self.gravity)
+        return np.asarray(self._report(R_FORCE, 6) * self.rover.mass * self.gravity)
 
     @property
     def belly_support(self) -> Array:
         """(...) frictionless contact force on the body's box, N; equilibrium mode only."""
-        return self._report(equilibrium.R_BELLY, 1)[..., 0] * self.rover.mass * self.gravity
+        return self._report(R_BELLY, 1)[..., 0] * self.rover.mass * self.gravity
 
     @property
     def wheel_lifted(self) -> NDArray[np.bool_]:
         """(..., 6) True if the wheel is off the ground. False everywhere in contact mode."""
         if self.report is None:
             return np.zeros((*self.shape, 6), dtype=bool)
-        return np.asarray(self._report(equilibrium.R_LIFTED, 6) == 1.0)
+        return np.asarray(self._report(R_LIFTED, 6) == 1.0)
 
     @property
     def joint_stop(self) -> NDArray[np.int8]:

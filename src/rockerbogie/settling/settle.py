@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._kernels.solve import equilibrium
+from .._kernels.solve.forces import R_SIZE
 from ..arrays import Array, flat, flat_steering, pieces, spanned
 from ..errors import RockerbogieError, expect
 from ..rover.frames import check_steering
@@ -67,9 +67,9 @@ def settle(
     px, py, facing, turn = spanned(px, shape), spanned(py, shape), spanned(facing, shape), spanned(turn, (*shape, 6))
     q = np.empty((*shape, 6))
     status = np.empty(shape, dtype=np.uint8)
-    report = np.empty((*shape, equilibrium.R_SIZE)) if mode == "equilibrium" else None
+    report = np.empty((*shape, R_SIZE)) if mode == "equilibrium" else None
     for at in pieces(shape, CHUNK):
-        forces = np.empty((0, equilibrium.R_SIZE)) if report is None else report[at].reshape(-1, equilibrium.R_SIZE)
+        forces = np.empty((0, R_SIZE)) if report is None else report[at].reshape(-1, R_SIZE)
         settle_batch(
             mode,
             Batch(

@@ -1,0 +1,275 @@
+"""Minimum of the potential energy by a sequence of quadratic programs with a trust region.
+
+Each program has every near contact of every wheel and of the body as a constraint, the joint limits and the trust region. The
+energy decreases at every step taken. If a step meets terrain that the program did not have (a kink: another slope of the same
+wheel), its contacts join the program as cuts.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit.decorators import inlined, njit
+from ..model.ground import Ground
+from ..model.linkage import PITCH, ROLL, Z, forward_kinematics
+from ..model.mass import centre_of_mass
+from ..model.tolerances import MAX_RESIDUAL, MIN_ENERGY_DECREASE
+from ..search.tread import BLANK, FOUND
+from ..search.workspace import Work
+from .contact_set import LISTED, touch_down
+from .descent import FALLEN, build_constraints
+from .forces import classify_equilibrium, contact_forces
+from .hessian import bfgs_update, reset_hessian
+from .newton import NO_DATA, NOT_CONVERGED, OFF_MAP, TIPPED
+from .qp import invert, solve_qp
+
+Array = NDArray[np.float64]
+
+PROGRAMS = 200  # quadratic programs of one pose, at most
+TRUST = 0.02  # first trust region, rad (and m)
+WIDEST = 0.3  # largest trust region, rad (and m)
+CUTS = 24  # contacts met by steps that were not taken, at most
+ROWS = LISTED + CUTS
+CONSTRAINTS = ROWS + 6 + 12
+
+
+@inlined
+def solve_step(
+    rover: Array, q: Array, slope: Array, hessian: Array, gap: Array, rows: Array, count: int, trust_radius: float,
+    copy: Array, inverse: Array, n: Array, b: Array, d: Array, force: Array,
+) -> bool:  # fmt: skip
+    """Solve for the step to the minimum of the quadratic model of the energy.
+
+    Args:
+        rover: (P_SIZE,) packed rover.
+        q: (6,) pose.
+        slope: (6,) gradient of the energy.
+        hessian: (6, 6) its curvature.
+        gap, rows, count: near contacts.
+        trust_radius: largest change of an unknown, m or rad.
+        copy, inverse, n, b: scratch.
+        d: (6,) filled with the step.
+        force: (CONSTRAINTS,) filled with the multipliers.
+
+    Returns:
+        False if the Hessian is not positive definite or the program fails.
+    """
+    m = build_constraints(rover, q, gap, rows, count, trust_radius, n, b)
+    copy[:] = hessian
+    return invert(copy, inverse) and solve_qp(inverse, slope, n, b, m, d, force)
+
+
+@inlined
+def predict(slope: Array, d: Array) -> tuple[float, float]:
+    """Return the decrease of the energy to first order, m, and the size of a step.
+
+    Args:
+        slope: (6,) gradient of the energy.
+        d: (6,) step.
+    """
+    decrease = size = 0.0
+    for k in range(6):
+        decrease -= slope[k] * d[k]
+        size = max(size, abs(d[k]))
+    return decrease, size
+
+
+@njit
+def multipliers(slope: Array, rows: Array, owner: NDArray[np.int64], force: Array, count: int, pull: Array, load: Array) -> None:
+    """Compute the gradient of the Lagrangian, and the load of each wheel and of the body.
+
+    Args:
+        slope: (6,) gradient of the energy.
+        rows, owner, count: near contacts.
+        force: (count,) their forces.
+        pull: (6,) filled with the gradient.
+        load: (7,) filled with the sums.
+    """
+    for k in range(6):
+        pull[k] = slope[k]
+        for j in range(count):
+            pull[k] -= force[j] * rows[j, k]
+    for j in range(7):
+        load[j] = 0.0
+    for j in range(count):
+        load[owner[j]] += force[j]
+
+
+@njit
+def gradient_under_loads(
+    slope: Array, gap: Array, rows: Array, owner: NDArray[np.int64], count: int, load: Array, pull: Array
+) -> None:
+    """Compute the gradient of the Lagrangian under given loads.
+
+    Each load acts at the lowest contact of its wheel or of the body.
+
+    Args:
+        slope: (6,) gradient of the energy.
+        gap, rows, owner, count: near contacts.
+        load: (7,) forces on the wheels and on the body.
+        pull: (6,) filled.
+    """
+    for k in range(6):
+        pull[k] = slope[k]
+    for i in range(7):
+        first = -1
+        for j in range(count):
+            if owner[j] == i and (first < 0 or gap[j] < gap[first]):
+                first = j
+        if first >= 0:
+            for k in range(6):
+                pull[k] -= load[i] * rows[first, k]
+
+
+@njit
+def add_cuts(
+    gap: Array, rows: Array, owner: NDArray[np.int64], found: int, d: Array, lift: float, limit: float,
+    cut_gap: Array, cut_rows: Array, cut_owner: NDArray[np.int64], cuts: int,
+) -> int:  # fmt: skip
+    """Add the contacts that a step would push into the terrain to the cuts.
+
+    Args:
+        gap, rows, owner, found: near contacts at the end of the step.
+        d: (6,) step.
+        lift: m, height of the step's end above the pose that touches there.
+        limit: m, negative: gaps below it are cuts.
+        cut_gap, cut_rows, cut_owner: the cuts, as seen from the start of the step; written.
+        cuts: number of cuts so far.
+
+    Returns:
+        The new number of cuts.
+    """
+    for k in range(found):
+        if gap[k] + lift < limit and cuts < CUTS:
+            cut_gap[cuts] = gap[k] + lift
+            for j in range(6):
+                cut_gap[cuts] -= rows[k, j] * d[j]
+                cut_rows[cuts, j] = rows[k, j]
+            cut_gap[cuts] = max(cut_gap[cuts], 0.0)
+            cut_owner[cuts] = owner[k]
+            cuts += 1
+    return cuts
+
+
+@inlined
+def append_cuts(
+    cut_gap: Array, cut_rows: Array, cut_owner: NDArray[np.int64], cuts: int,
+    gap: Array, rows: Array, owner: NDArray[np.int64], count: int,
+) -> int:  # fmt: skip
+    """Append the cuts to the near contacts.
+
+    Args:
+        cut_gap, cut_rows, cut_owner, cuts: the cuts and their number.
+        gap, rows, owner: near contacts; written.
+        count: number of near contacts.
+
+    Returns:
+        The new number of near contacts.
+    """
+    for k in range(cuts):
+        gap[count], rows[count], owner[count] = cut_gap[k], cut_rows[k], cut_owner[k]
+        count += 1
+    return count
+
+
+@njit
+def minimize_energy(
+    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, report: Array, work: Work,
+    gap: Array, rows: Array, owner: NDArray[np.int64], n: Array, b: Array, count: int, coverage: int,
+) -> int:  # fmt: skip
+    """Move q to a minimum of the potential energy and compute the contact forces.
+
+    Args:
+        ground: the packed terrain (ground.Ground).
+        rover: (P_SIZE,) the packed rover.
+        x, y: position of the body's reference point from the first grid node, m.
+        cy, sy: cosine and sine of the heading.
+        q: (6,) a pose that just touches, replaced by the equilibrium, m and rad; NaN on failure.
+        report: (R_SIZE,) forces and flags; written, NaN on failure.
+        work: scratch memory; work.hub_offsets holds the steering.
+        gap, rows, owner: (ROWS,), (ROWS, 6), (ROWS,) the contacts of q as `touch_down` lists them; overwritten.
+        n, b: (CONSTRAINTS, 6), (CONSTRAINTS,) scratch for the constraints.
+        count: number of contacts listed.
+        coverage: FOUND, or OFF or BLANK if the map's edge or missing data lies under q.
+
+    Returns:
+        Status code as `settle_equilibrium`.
+    """
+    hub_offsets, axes, pivots = work.hub_offsets, work.axes, work.pivots
+    force = np.zeros(CONSTRAINTS)
+    slope, trial, d = np.empty(6), np.empty(6), np.empty(6)
+    hessian, inverse, copy = np.zeros((6, 6)), np.empty((6, 6)), np.empty((6, 6))
+    old_pull, pull, moved, load = np.empty(6), np.empty(6), np.empty(6), np.empty(7)
+    report[:] = math.nan
+    forward_kinematics(rover, hub_offsets, x, y, cy, sy, q, axes, pivots, work.wheels)
+    height = q[Z] + centre_of_mass(rover, hub_offsets, q, cy, sy, axes, pivots, slope)
+    reset_hessian(hessian)
+    trust_radius = TRUST
+    blocked_by = FOUND  # OFF or BLANK if the map's edge or missing data stopped a step
+    cut_gap, cut_rows, cut_owner = np.empty(CUTS), np.empty((CUTS, 6)), np.empty(CUTS, np.int64)
+    listed, cuts, farthest_cut = count, 0, 0.0
+    for _ in range(PROGRAMS):
+        if not solve_step(rover, q, slope, hessian, gap, rows, count, trust_radius, copy, inverse, n, b, d, force):
+            reset_hessian(hessian)  # the Hessian is not positive definite
+            trust_radius *= 0.25
+            if trust_radius < 1e-9:
+                break
+            continue
+        predicted_decrease, size = predict(slope, d)
+        small = predicted_decrease < MIN_ENERGY_DECREASE and size < 1e-6
+        if small and cuts > 0 and farthest_cut > 1e-6:  # held by contacts met farther off: search again with a smaller region
+            trust_radius = 0.3 * farthest_cut
+            count, cuts, farthest_cut = listed, 0, 0.0
+            continue
+        if small or trust_radius < 1e-10:
+            if contact_forces(rover, q, slope, gap, rows, count, inverse, n, b, d, force) < MAX_RESIDUAL:
+                if coverage == FOUND:
+                    return classify_equilibrium(rover, q, gap, owner, force, count, report)
+                blocked_by = coverage
+                break
+            # not an equilibrium: kinks entered the Hessian as curvature and stopped the search; continue with a new one
+            reset_hessian(hessian)
+            trust_radius = 0.1 * TRUST
+            count, cuts, farthest_cut = listed, 0, 0.0
+            continue
+        for k in range(6):
+            trial[k] = q[k] + d[k]
+        multipliers(slope, rows, owner, force, count, old_pull, load)
+        code, found = touch_down(ground, rover, x, y, cy, sy, trial, False, work, gap, rows, owner)
+        new = math.inf
+        if found >= 0:
+            new = trial[Z] + centre_of_mass(rover, hub_offsets, trial, cy, sy, axes, pivots, pull)
+        else:
+            blocked_by = code
+        if not new < height - 1e-4 * predicted_decrease + 1e-15:
+            before = cuts
+            if found >= 0:  # the contacts met join the program: past a kink the wheel has another slope
+                lift, limit = q[Z] + d[Z] - trial[Z], -0.1 * predicted_decrease
+                _, found = touch_down(ground, rover, x, y, cy, sy, trial, True, work, gap, rows, owner)
+                cuts = add_cuts(gap, rows, owner, found, d, lift, limit, cut_gap, cut_rows, cut_owner, cuts)
+            farthest_cut = max(farthest_cut, size)
+            if before > 0 or cuts == 0:
+                trust_radius = 0.25 * min(trust_radius, size)
+            # the pose is unchanged: list its contacts again
+            _, listed = touch_down(ground, rover, x, y, cy, sy, q, True, work, gap, rows, owner)
+            height = q[Z] + centre_of_mass(rover, hub_offsets, q, cy, sy, axes, pivots, slope)
+            count = append_cuts(cut_gap, cut_rows, cut_owner, cuts, gap, rows, owner, listed)
+            continue
+        if height - new > 0.5 * predicted_decrease and size > 0.9 * trust_radius:
+            trust_radius = min(2.0 * trust_radius, WIDEST)
+        for k in range(6):
+            moved[k] = trial[k] - q[k]
+            q[k] = trial[k]
+        if max(abs(q[ROLL]), abs(q[PITCH])) > FALLEN:
+            q[:] = math.nan
+            return TIPPED
+        coverage, count = touch_down(ground, rover, x, y, cy, sy, q, True, work, gap, rows, owner)
+        height = q[Z] + centre_of_mass(rover, hub_offsets, q, cy, sy, axes, pivots, slope)
+        listed, cuts, farthest_cut = count, 0, 0.0
+        gradient_under_loads(slope, gap, rows, owner, count, load, pull)
+        bfgs_update(hessian, moved, pull, old_pull)
+    q[:] = math.nan
+    return NO_DATA if blocked_by == BLANK else (OFF_MAP if blocked_by > 0 else NOT_CONVERGED)
