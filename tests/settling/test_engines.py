@@ -36,6 +36,27 @@ def test_simd_and_scalar_engine_agree(name: str, interpolation: str, surface: st
     assert_close(simd.q, scalar.q, 1e-9, "m, rad", "the same contacts, solved by two independent kernels")
 
 
+@pytest.mark.parametrize("interpolation", ["cubic", "linear"])
+@pytest.mark.parametrize("name", ["elhami-dashti", "curiosity", "osr"])
+def test_equilibria_from_the_six_wheel_pose_are_those_of_the_descent(name: str, interpolation: str) -> None:
+    rover = rb.load_rover(name)
+    unit, count = float(rover.wheel_radius[0]), 50
+    grid = {"size": 60 * unit, "spacing": 0.4 * unit, "interpolation": interpolation}
+    terrain = rb.surfaces.rocks(0.1, 6, smallest=unit, largest=4 * unit, **grid)
+    rng = np.random.default_rng(18)
+    x, y = rng.uniform(-18, 18, (2, count)) * unit
+    arguments = (rover, terrain, x, y, rng.uniform(-3, 3, count))
+    steering = rng.uniform(-0.5, 0.5, (count, 6)) * rover.steers
+    simd = rb.settle(*arguments, steering=steering, mode="equilibrium")
+    with use_engine("scalar"):
+        scalar = rb.settle(*arguments, steering=steering, mode="equilibrium")
+    assert np.array_equal(simd.status, scalar.status)
+    assert (simd.status == rb.Status.CONVERGED).sum() > 0.5 * count
+    assert (simd.q != scalar.q).any(axis=1).sum() > 0.3 * count, "few poses were taken from the six-wheel pose"
+    assert_close(simd.q, scalar.q, 1e-9, "m, rad", "one equilibrium, by Newton's method and by quadratic programs")
+    assert_close(simd.support.sum(axis=1), scalar.support.sum(axis=1), 1e-6, "N", "supports hold the weight")
+
+
 def test_every_mode_and_interpolation_has_both_engines() -> None:
     modes, interpolations, engines = (set(column) for column in zip(*ENGINES, strict=True))
     assert set(ENGINES) == {(m, i, e) for m in modes for i in interpolations for e in engines}

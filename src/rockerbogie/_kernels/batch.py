@@ -42,6 +42,7 @@ from .simd.linkage import line_up
 from .solve.equilibrium import settle_equilibrium, settle_from_pose
 from .solve.forces import R_SIZE
 from .solve.newton import CONVERGED, JOINT_STOP, NO_DATA, NOT_CONVERGED, STARTS, beyond_stops, covered, settle_contact
+from .solve.six_wheels import SIX_SIZE, lay_out_six
 
 Array = NDArray[np.float64]
 
@@ -224,23 +225,29 @@ def rest_batch(
 ) -> None:
     """Solve for equilibria by descent from above.
 
+    A pose of contact mode in balance is the equilibrium if the descent leads to it.
+
     Args:
         ground, rover: the packed terrain and rover.
         x, y, yaw: (n,) position, m, and heading, rad.
         steering: (n, 6) or (1, 6) steering angles, rad.
-        out: (n, 6) filled with the poses, NaN where none is found.
-        status: (n,) filled.
+        out: (n, 6) poses of contact mode; replaced by the equilibria, NaN where none is found.
+        status: (n,) statuses of contact mode, UNSETTLED for poses without one; replaced.
         report: (n, forces.R_SIZE) filled with forces and flags, NaN where no pose is found.
         start, stop: range of poses that this call solves for.
     """
     buffer = np.empty(WORK_SIZE)
     work, land, car, meta, q = lay_out(buffer), borrow(ground), unowned_view(rover), unowned_view(ground[2]), unowned_view(out)
+    room = np.empty(SIX_SIZE)
+    six = lay_out_six(room)
     for k in range(start, stop):
         set_hub_offsets(car, steering[k if steering.shape[0] > 1 else 0], work.hub_offsets)
         px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
-        status[k] = settle_equilibrium(land, car, px, py, math.cos(yaw[k]), math.sin(yaw[k]), q[k], report[k], work)
+        six.q[:] = q[k]
+        six.q[Z] = q[k, Z] - meta[META_Z] if status[k] == CONVERGED else math.nan
+        status[k] = settle_equilibrium(land, car, px, py, math.cos(yaw[k]), math.sin(yaw[k]), q[k], report[k], work, six)
         q[k, Z] += meta[META_Z]
-    buffer[0] = 0.0  # keep the buffer alive: `work` is an unowned view of it
+    buffer[0] = room[0] = 0.0  # keep the buffers alive: `work` and `six` are unowned views of them
 
 
 @njit
@@ -353,6 +360,9 @@ def rest_bridged(
     buffer = np.empty(WORK_SIZE)
     work, land, car, meta, q = lay_out(buffer), borrow(ground), unowned_view(rover), unowned_view(ground[2]), unowned_view(out)
     trial, forces, far = np.empty(6), np.empty(R_SIZE), reach(rover)
+    room = np.empty(SIX_SIZE)
+    six = lay_out_six(room)
+    six.q[Z] = math.nan
     for n in range(start, stop):
         k = left[n]
         set_hub_offsets(car, steering[k if steering.shape[0] > 1 else 0], work.hub_offsets)
@@ -360,12 +370,12 @@ def rest_bridged(
         i0, i1, j0, j1 = cells_around(land, px, py, far)
         grid, missing = bridged_grid(land, i0, i1, j0, j1)
         if 0 < missing < grid.size:
-            code = settle_equilibrium(with_grid(land, grid, j0, i0), car, px, py, cy, sy, trial, forces, work)
+            code = settle_equilibrium(with_grid(land, grid, j0, i0), car, px, py, cy, sy, trial, forces, work, six)
             if not math.isnan(trial[Z]) and covered(land, car, px, py, cy, sy, trial, True, work):
                 status[k], q[k], report[k] = code, trial, forces
                 q[k, Z] += meta[META_Z]
             grid[0, 0] = 0.0  # keep the grid alive: the bridged terrain is an unowned view of it
-    buffer[0] = 0.0  # keep the buffer alive: `work` is an unowned view of it
+    buffer[0] = room[0] = 0.0  # keep the buffers alive: `work` and `six` are unowned views of them
 
 
 @njit

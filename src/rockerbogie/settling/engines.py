@@ -76,8 +76,7 @@ def _contact_cubic(poses: Batch) -> None:
 
 def _contact_linear(poses: Batch) -> None:
     """Solve in contact mode on bilinear terrain: SIMD lanes, then the scalar engine."""
-    order = _by_heading(poses.yaw) if poses.rover.wheel_width.any() else np.arange(poses.status.size)
-    parallel_for(batch.settle_linear, poses.status.size, *_inputs(poses), order)
+    parallel_for(batch.settle_linear, poses.status.size, *_inputs(poses), _lane_order(poses))
     _contact_left(poses)
     _contact_bridged(poses)
 
@@ -100,6 +99,24 @@ def _contact_bridged(poses: Batch) -> None:
     left = _refused(poses)
     if left.size > 0:
         parallel_for(batch.settle_bridged, left.size, *_inputs(poses), left)
+
+
+def _equilibrium_cubic(poses: Batch) -> None:
+    """Solve in equilibrium mode on cubic terrain: six-wheel poses by SIMD lanes first."""
+    parallel_for(batch.settle_cubic, poses.status.size, *_inputs(poses))
+    _equilibrium(poses)
+
+
+def _equilibrium_linear(poses: Batch) -> None:
+    """Solve in equilibrium mode on bilinear terrain: six-wheel poses by SIMD lanes first."""
+    parallel_for(batch.settle_linear, poses.status.size, *_inputs(poses), _lane_order(poses))
+    _equilibrium(poses)
+
+
+def _equilibrium_scalar(poses: Batch) -> None:
+    """Solve every pose in equilibrium mode by the descent alone."""
+    poses.status[:] = batch.UNSETTLED
+    _equilibrium(poses)
 
 
 def _equilibrium(poses: Batch) -> None:
@@ -139,6 +156,11 @@ def _inputs(poses: Batch) -> tuple[object, ...]:
     )
 
 
+def _lane_order(poses: Batch) -> NDArray[np.int64]:
+    """Return the order (n,) in which SIMD lanes on bilinear terrain take the poses."""
+    return _by_heading(poses.yaw) if poses.rover.wheel_width.any() else np.arange(poses.status.size)
+
+
 def _by_heading(yaw: Array) -> NDArray[np.int64]:
     """Return an order (n,) that groups poses with like or opposite yaw, for speed.
 
@@ -149,14 +171,14 @@ def _by_heading(yaw: Array) -> NDArray[np.int64]:
     return np.argsort(part.astype(np.uint8), kind="stable")
 
 
-#: Mode, interpolation and engine -> function. Equilibrium mode has one engine.
+#: Mode, interpolation and engine -> function.
 ENGINES: dict[tuple[Mode, Literal["linear", "cubic"], Engine], Callable[[Batch], None]] = {
     ("contact", "cubic", "simd"): _contact_cubic,
     ("contact", "linear", "simd"): _contact_linear,
     ("contact", "cubic", "scalar"): _contact_scalar,
     ("contact", "linear", "scalar"): _contact_scalar,
-    ("equilibrium", "cubic", "simd"): _equilibrium,
-    ("equilibrium", "linear", "simd"): _equilibrium,
-    ("equilibrium", "cubic", "scalar"): _equilibrium,
-    ("equilibrium", "linear", "scalar"): _equilibrium,
+    ("equilibrium", "cubic", "simd"): _equilibrium_cubic,
+    ("equilibrium", "linear", "simd"): _equilibrium_linear,
+    ("equilibrium", "cubic", "scalar"): _equilibrium_scalar,
+    ("equilibrium", "linear", "scalar"): _equilibrium_scalar,
 }

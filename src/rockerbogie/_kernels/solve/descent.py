@@ -17,9 +17,12 @@ from ..model.ground import Ground
 from ..model.linkage import BOGIE_L, P_BODY, P_BOGIE, P_BOGIE_PIVOT, P_PIVOT, P_ROCKER, P_STOPS, P_WHEEL, PITCH, ROCKER, ROLL, Z
 from ..model.mass import centre_of_mass
 from ..model.wheel import COSINE, PLACE, SIN
+from ..search.body_box import NEAR_ROOM, NEAR_SIZE
+from ..search.tread import FOUND
 from ..search.workspace import Work
-from .contact_set import touch_down
+from .contact_set import body_contacts, list_contacts, lowest_contacts, shift_to_contact
 from .qp import solve_qp
+from .six_wheels import SixWheels, box_is_clear, leads_to
 
 Array = NDArray[np.float64]
 
@@ -28,6 +31,7 @@ SHORTEST = 1e-4  # rad: a shorter step that does not decrease the energy as pred
 PACE, LONGEST = 0.1, 4.0  # time of the first step and the longest, in that of a fall by the rover's own radius of gyration
 SLOW = 1e-3  # rad: a pose that moves less in the longest time is near equilibrium
 STEPS = 200
+SIX_WHEELS = -2  # code: the descent leads to the six-wheel equilibrium
 FALLEN = 1.3  # rad of roll or pitch beyond which the rover has tipped over
 
 
@@ -116,13 +120,67 @@ def damping_weights(rover: Array, hub_offsets: Array, out: Array) -> None:
 
 
 @njit
+def start_level(rover: Array, q: Array) -> None:
+    """Set the start of the descent: horizontal, with joints as straight as their limits allow.
+
+    Args:
+        rover: (P_SIZE,) packed rover.
+        q: (6,) filled; z is 0.
+    """
+    q[:] = 0.0
+    for k in range(3):
+        at = P_STOPS if k == 0 else P_STOPS + 2
+        q[ROCKER + k] = min(max(0.0, rover[at]), rover[at + 1])
+
+
+@njit
+def find_step(
+    rover: Array, q: Array, slope: Array, gap: Array, rows: Array, count: int, resist: Array, pace: float,
+    n: Array, b: Array, inverse: Array, d: Array, force: Array,
+) -> tuple[float, float]:  # fmt: skip
+    """Compute a step of the descent, implicit in time.
+
+    It is shortened until no angle changes by more than `REACH`.
+
+    Args:
+        rover: (P_SIZE,) packed rover.
+        q: (6,) pose.
+        slope: (6,) gradient of the height of the centre of mass.
+        gap, rows, count: contacts.
+        resist: (6,) damping of each unknown.
+        pace: length of the step in time.
+        n, b: scratch for the constraints.
+        inverse: (6, 6) scratch, zero off the diagonal.
+        d: (6,) filled with the step.
+        force: scratch.
+
+    Returns:
+        Largest change of an angle, rad, NaN if the program cannot be solved; length of the step in time.
+    """
+    m = build_constraints(rover, q, gap, rows, count, math.inf, n, b)
+    size = math.inf
+    while size > REACH:
+        for k in range(6):
+            inverse[k, k] = pace / resist[k]
+        if not solve_qp(inverse, slope, n, b, m, d, force):
+            return math.nan, pace
+        size = 0.0
+        for k in range(1, 6):
+            size = max(size, abs(d[k]))
+        if size > REACH:
+            pace *= 0.8 * REACH / size
+    return size, pace
+
+
+@njit
 def let_down(
-    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, work: Work,
+    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, work: Work, six: SixWheels,
     gap: Array, rows: Array, owner: NDArray[np.int64], n: Array, b: Array,
 ) -> tuple[int, int]:  # fmt: skip
     """Compute a first equilibrium by quasi-static descent from above.
 
-    The descent starts horizontal and with straight joints.
+    The descent starts horizontal and with straight joints. It ends at the first pose from which it leads to the six-wheel
+    equilibrium that is given.
 
     Args:
         ground: terrain.
@@ -131,64 +189,62 @@ def let_down(
         cy, sy: cos and sin of yaw.
         q: (6,) filled with a pose near the equilibrium.
         work: scratch; work.hub_offsets holds the steering.
+        six: six-wheel equilibrium of this position; a share of 0 stands for none.
         gap, rows, owner: filled with the near contacts there (`touch_down`).
         n, b: scratch for the constraints of `build_constraints`.
 
     Returns:
-        Code and number of contacts as `touch_down`; -1 contacts with code -1 if the rover tips over.
+        Code and number of contacts as `touch_down`; -1 contacts with code -1 if the rover tips over; SIX_WHEELS and 0
+        contacts if the descent leads to the six-wheel equilibrium.
     """
     hub_offsets, axes, pivots = work.hub_offsets, work.axes, work.pivots
-    force = np.empty(b.size)
+    force, near = np.empty(b.size), np.empty((NEAR_ROOM, NEAR_SIZE))
     slope, trial, d, resist, inverse = np.empty(6), np.empty(6), np.empty(6), np.empty(6), np.zeros((6, 6))
-    next_gap, next_rows, next_owner, next_slope = np.empty_like(gap), np.empty_like(rows), np.empty_like(owner), np.empty(6)
-    q[:] = 0.0
+    next_slope = np.empty(6)
+    start_level(rover, trial)
     for i in range(6):
         work.touch[i, SIN], work.touch[i, COSINE], work.touch[i, PLACE] = 0.0, 1.0, 0.0
-    for k in range(3):
-        at = P_STOPS if k == 0 else P_STOPS + 2
-        q[ROCKER + k] = min(max(0.0, rover[at]), rover[at + 1])
-    code, count = touch_down(ground, rover, x, y, cy, sy, q, True, work, gap, rows, owner)
-    if count < 0:
-        return code, -1
-    height = q[Z] + centre_of_mass(rover, hub_offsets, q, cy, sy, axes, pivots, slope)
     damping_weights(rover, hub_offsets, resist)
     size_of_rover = math.sqrt(resist[PITCH])
-    longest = LONGEST * size_of_rover
-    pace = PACE * size_of_rover
-    for _ in range(STEPS):
-        m = build_constraints(rover, q, gap, rows, count, math.inf, n, b)
-        size = math.inf
-        while size > REACH:
-            for k in range(6):
-                inverse[k, k] = pace / resist[k]
-            if not solve_qp(inverse, slope, n, b, m, d, force):
-                return code, count
-            size = 0.0
-            for k in range(1, 6):
-                size = max(size, abs(d[k]))
-            if size > REACH:
-                pace *= 0.8 * REACH / size
-        if pace >= longest and size < SLOW:
+    longest, pace = LONGEST * size_of_rover, PACE * size_of_rover
+    height, predicted_decrease, size = math.inf, 0.0, 0.0
+    code, count, points, above = FOUND, -1, 0, 0.0
+    for _ in range(STEPS + 1):
+        there, least = lowest_contacts(ground, rover, x, y, cy, sy, trial, True, work)
+        if least < math.inf:
+            centre = centre_of_mass(rover, hub_offsets, trial, cy, sy, axes, pivots, next_slope)
+            if six.share[0] > 0.0 and there == FOUND and box_is_clear(ground, rover, axes, x, y, trial[Z] - least):
+                fell = height - (trial[Z] - least) - centre
+                if fell > 0.5 * predicted_decrease and leads_to(ground, rover, x, y, cy, sy, trial, next_slope, work, six):
+                    return SIX_WHEELS, 0
+            box, points, clearance = body_contacts(ground, rover, x, y, trial, work, near)
+            there, least, above = max(there, box), min(least, clearance), trial[Z]
+            trial[Z] -= least
+            fell = height - trial[Z] - centre
+        elif count < 0:
+            return there, -1
+        else:
+            fell = -math.inf
+        if not fell > 0.5 * predicted_decrease:  # it met terrain that the program did not have: take a shorter step
+            if size < SHORTEST:
+                break
+            pace *= 0.25
+        else:
+            if max(abs(trial[ROLL]), abs(trial[PITCH])) > FALLEN:
+                return -1, -1
+            height = trial[Z] + centre if count < 0 else height - fell
+            trial[Z] = above
+            count = list_contacts(ground, rover, x, y, cy, sy, trial, near, points, work, gap, rows, owner)
+            code = there
+            shift_to_contact(trial, gap, count, least)
+            q[:], slope[:] = trial, next_slope
+            if fell < math.inf and fell > 0.8 * predicted_decrease:
+                pace = min(2.0 * pace, longest)
+        size, pace = find_step(rover, q, slope, gap, rows, count, resist, pace, n, b, inverse, d, force)
+        if math.isnan(size) or (pace >= longest and size < SLOW):
             break
         predicted_decrease = 0.0
         for k in range(6):
             predicted_decrease -= slope[k] * d[k]
             trial[k] = q[k] + d[k]
-        there, found = touch_down(ground, rover, x, y, cy, sy, trial, True, work, next_gap, next_rows, next_owner)
-        fell = -math.inf
-        if found >= 0:
-            fell = height - trial[Z] - centre_of_mass(rover, hub_offsets, trial, cy, sy, axes, pivots, next_slope)
-        if not fell > 0.5 * predicted_decrease:  # it met terrain that the program did not have: take a shorter step
-            if size < SHORTEST:
-                break
-            pace *= 0.25
-            continue
-        if max(abs(trial[ROLL]), abs(trial[PITCH])) > FALLEN:
-            return -1, -1
-        height -= fell
-        code, count = there, found
-        q[:], slope[:] = trial, next_slope
-        gap[:found], rows[:found], owner[:found] = next_gap[:found], next_rows[:found], next_owner[:found]
-        if fell > 0.8 * predicted_decrease:
-            pace = min(2.0 * pace, longest)
     return code, count

@@ -4,8 +4,9 @@ No tread and no body is in the terrain, and joints are within their limits. Lift
 pose is therefore shifted in z until it just touches, and what remains is to lower the centre of mass. Of several minima the one
 is sought that the descent from above reaches:
 
-1. `descent.let_down`: a quasi-static descent gives a pose near the equilibrium.
-2. `energy.minimize_energy`: a sequence of small quadratic programs finds it exactly, with its contact forces (`forces`).
+1. `six_wheels`: if the pose of contact mode is in balance and the descent leads to it, it is the equilibrium.
+2. `descent.let_down`: a quasi-static descent gives a pose near the equilibrium.
+3. `energy.minimize_energy`: a sequence of small quadratic programs finds it exactly, with its contact forces (`forces`).
 
 If the descent tips over or no equilibrium is found after it, `batch.rest_left` solves again from the six-wheel pose of contact
 mode (`settle_from_pose`).
@@ -20,25 +21,58 @@ from numpy.typing import NDArray
 
 from ..jit.decorators import inlined, njit
 from ..model.ground import Ground
-from ..model.linkage import P_STOPS, PITCH, ROCKER, ROLL
+from ..model.linkage import P_STOPS, PITCH, ROCKER, ROLL, Z
+from ..model.tolerances import MAX_RESIDUAL
 from ..model.wheel import COSINE, PLACE, SIN
 from ..search.tread import BLANK
 from ..search.workspace import Work
 from .contact_set import touch_down
-from .descent import FALLEN, let_down
+from .descent import FALLEN, SIX_WHEELS, let_down, start_level
 from .energy import CONSTRAINTS, ROWS, minimize_energy
-from .newton import NO_DATA, OFF_MAP, TIPPED
+from .forces import classify_equilibrium, contact_forces
+from .newton import CONVERGED, NO_DATA, OFF_MAP, TIPPED
+from .six_wheels import SixWheels, leads_straight, list_six
 
 Array = NDArray[np.float64]
 
 
 @njit
+def find_six_wheels(
+    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, report: Array, work: Work, six: SixWheels,
+    gap: Array, rows: Array, owner: NDArray[np.int64], n: Array, b: Array,
+) -> None:  # fmt: skip
+    """Check the balance of the pose of contact mode, and write its report.
+
+    Args:
+        ground: the packed terrain (ground.Ground).
+        rover: (P_SIZE,) the packed rover.
+        x, y: position of the body's reference point from the first grid node, m.
+        cy, sy: cosine and sine of the heading.
+        report: (R_SIZE,) forces and flags; written if the pose is in balance.
+        work: scratch memory; work.hub_offsets holds the steering.
+        six: six.q holds the pose, NaN for none; six.share is 0 afterwards if it is not in balance.
+        gap, rows, owner, n, b: scratch.
+    """
+    six.share[0] = 0.0
+    if math.isnan(six.q[Z]):
+        return
+    slope, d, inverse, force = np.empty(6), np.empty(6), np.empty((6, 6)), np.zeros(CONSTRAINTS)
+    count = list_six(ground, rover, x, y, cy, sy, work, six, gap, rows, owner, slope, force)
+    if six.share[0] > 0.0:
+        # more than one contact a wheel: the forces are those of the program, as in any other equilibrium
+        if count > 6 and not contact_forces(rover, six.q, slope, gap, rows, count, inverse, n, b, d, force) < MAX_RESIDUAL:
+            six.share[0] = 0.0
+        classify_equilibrium(rover, six.q, gap, owner, force, count, report)
+
+
+@njit
 def settle_equilibrium(
-    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, report: Array, work: Work
+    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, report: Array, work: Work, six: SixWheels
 ) -> int:
     """Compute the equilibrium that the rover reaches on the descent from above.
 
-    The descent starts horizontal and with straight joints.
+    The descent starts horizontal and with straight joints. If the pose of contact mode is given and in balance, and the
+    descent leads to it, it is the equilibrium.
 
     Args:
         ground: the packed terrain (ground.Ground).
@@ -48,6 +82,7 @@ def settle_equilibrium(
         q: (6,) z, roll, pitch, rocker and both bogies, m and rad; written, NaN on failure.
         report: (R_SIZE,) forces and flags; written, NaN on failure.
         work: scratch memory; work.hub_offsets holds the steering.
+        six: scratch; six.q holds the pose of contact mode, NaN for none.
 
     Returns:
         Status code: CONVERGED, JOINT_STOP, WHEEL_LIFTED or BELLY_CONTACT at an equilibrium; otherwise OFF_MAP, NO_DATA,
@@ -55,7 +90,16 @@ def settle_equilibrium(
     """
     gap, rows, owner = np.empty(ROWS), np.empty((ROWS, 6)), np.empty(ROWS, np.int64)
     n, b = np.empty((CONSTRAINTS, 6)), np.empty(CONSTRAINTS)
-    code, count = let_down(ground, rover, x, y, cy, sy, q, work, gap, rows, owner, n, b)
+    find_six_wheels(ground, rover, x, y, cy, sy, report, work, six, gap, rows, owner, n, b)
+    if six.share[0] > 0.0:
+        start_level(rover, q)
+        if leads_straight(ground, rover, x, y, cy, sy, q, work, six):
+            q[:] = six.q
+            return CONVERGED
+    code, count = let_down(ground, rover, x, y, cy, sy, q, work, six, gap, rows, owner, n, b)
+    if code == SIX_WHEELS:
+        q[:] = six.q
+        return CONVERGED
     if count < 0:
         return refuse(code, q, report)
     return minimize_energy(ground, rover, x, y, cy, sy, q, report, work, gap, rows, owner, n, b, count, code)
