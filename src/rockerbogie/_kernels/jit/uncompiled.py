@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from . import cache, notice
-from .mode import COMPILED, PLAIN_PACKAGE
+from .mode import PLAIN_PACKAGE
 
 #: Largest batch that runs in plain Python.
 FEW = 4
@@ -55,8 +55,11 @@ class FirstCalls:
         key = kernel, *map(type, args)
         if key in self.ready:
             return False
-        signature = tuple(kernel.typeof_pyval(value) for value in (*args, 0, 0)) if COMPILED else ()
-        if not COMPILED or os.environ.get(WAIT) == "1" or signature in kernel.overloads or kernel._cache.holds(signature):
+        if not hasattr(kernel, "overloads") or os.environ.get(WAIT) == "1":  # a Python function, or never plain
+            self.ready.add(key)
+            return False
+        signature = tuple(kernel.typeof_pyval(value) for value in (*args, 0, 0))
+        if signature in kernel.overloads or kernel._cache.holds(signature):
             self.ready.add(key)
             return False
         if count > FEW or not self.plain:
