@@ -186,7 +186,7 @@ def _make_server(host: str, port: int) -> viser.ViserServer:
 
 _STARTING = threading.Lock()
 #: Intensity of the light from the sky.
-SKY = 2.0
+SKY = 2.5
 
 
 def _decorate(lab: Lab) -> None:

@@ -185,9 +185,8 @@ class TerrainView:
         """Add a mesh to the scene."""
         if len(mesh.faces) == 0:
             return self.scene.add_frame(node, show_axes=False)
-        if self.light:
-            return self.scene.add_glb(node, _unlit(_coloured(mesh, self.offset)), cast_shadow=False, receive_shadow=False)
-        return self.scene.add_mesh_trimesh(node, _coloured(mesh, self.offset), cast_shadow=False)
+        content = _glb(_coloured(mesh, self.offset), self.light)
+        return self.scene.add_glb(node, content, cast_shadow=False, receive_shadow=not self.light)
 
     def remove(self) -> None:
         """Remove all meshes."""
@@ -205,18 +204,21 @@ def _coloured(mesh: TerrainMesh, offset: Array) -> Any:
     return trimesh.Trimesh(mesh.vertices - offset, mesh.faces, vertex_colors=colours, process=False)
 
 
-def _unlit(mesh: Any) -> bytes:
-    """Return a mesh as GLB whose colours the browser draws without lighting them."""
+def _glb(mesh: Any, light: bool) -> bytes:
+    """Return a mesh as GLB of a rough material, or of unlit colours in light drawing."""
     from trimesh.exchange.gltf import export_glb
 
-    def unlit(tree: dict[str, Any]) -> None:
-        tree["extensionsUsed"] = [_UNLIT]
-        tree["materials"] = [{"extensions": {_UNLIT: {}}, "doubleSided": True}]
+    def paint(tree: dict[str, Any]) -> None:
+        rough = {"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 1.0}}  # the format's default is a metal
+        tree["materials"] = [rough | {"doubleSided": True}]
+        if light:
+            tree["extensionsUsed"] = [_UNLIT]
+            tree["materials"][0]["extensions"] = {_UNLIT: {}}
         for one in tree["meshes"]:
             for primitive in one["primitives"]:
                 primitive["material"] = 0
 
-    return bytes(export_glb(mesh.scene(), tree_postprocessor=unlit))
+    return bytes(export_glb(mesh.scene(), tree_postprocessor=paint))
 
 
 def colour_choices(maps: xr.Dataset | None) -> list[str]:
