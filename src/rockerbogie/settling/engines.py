@@ -21,6 +21,7 @@ from .status import Status
 Mode = Literal["contact", "equilibrium"]
 Engine = Literal["simd", "scalar"]
 
+FINE = 0.25  # of the largest wheel radius: on finer cells equilibrium mode does not start from the six-wheel pose
 HEADING_BINS = 64  # bins of half a turn by which poses are sorted on bilinear terrain
 
 _engine: ContextVar[Engine] = ContextVar("rockerbogie_settle_engine", default="simd")
@@ -103,12 +104,18 @@ def _contact_bridged(poses: Batch) -> None:
 
 def _equilibrium_cubic(poses: Batch) -> None:
     """Solve in equilibrium mode on cubic terrain: six-wheel poses by SIMD lanes first."""
+    if _is_fine(poses):
+        _equilibrium_scalar(poses)
+        return
     parallel_for(batch.settle_cubic, poses.status.size, *_inputs(poses))
     _equilibrium(poses)
 
 
 def _equilibrium_linear(poses: Batch) -> None:
     """Solve in equilibrium mode on bilinear terrain: six-wheel poses by SIMD lanes first."""
+    if _is_fine(poses):
+        _equilibrium_scalar(poses)
+        return
     parallel_for(batch.settle_linear, poses.status.size, *_inputs(poses), _lane_order(poses))
     _equilibrium(poses)
 
@@ -154,6 +161,14 @@ def _inputs(poses: Batch) -> tuple[object, ...]:
         poses.q,
         poses.status,
     )
+
+
+def _is_fine(poses: Batch) -> bool:
+    """Return True if cells are finer than `FINE` of a wheel's radius.
+
+    Terrain may then be rougher than the tests of `_kernels/solve/six_wheels.py` show, and the descent alone decides.
+    """
+    return min(poses.terrain.spacing) < FINE * float(poses.rover.wheel_radius.max())
 
 
 def _lane_order(poses: Batch) -> NDArray[np.int64]:
