@@ -1,4 +1,4 @@
-"""Compare odometry's error with the true slip of the wheels, on straight drives with MuJoCo as the robot.
+"""Compare odometry's error with the true slip of MuJoCo's wheels on straight drives.
 
     python tools/odometry_slip.py --seeds 2 7 11 --speeds 0.05 0.2
 
@@ -20,7 +20,16 @@ LENGTH, START = 5.0, (-3.0, 0.0)  # m
 
 
 def drive(rover: rb.Rover, terrain: rb.Terrain, speed: float) -> tuple[np.ndarray, float, np.ndarray]:
-    """Return odometry's error (3,), m, the length of the drive, m, and rolled over true way of each wheel (6,)."""
+    """Return odometry's error, the drive's length, and rolled over true way of each wheel.
+
+    Args:
+        rover: the rover.
+        terrain: under it.
+        speed: m/s.
+
+    Returns:
+        (3,) m; m; (6,).
+    """
     run = rb.simulate(rover, terrain, rb.Path.straight(START, 0.0, LENGTH), speed=speed)
     true = np.stack([run[name] for name in "xyz"], axis=-1)
     log = run[["wheel_rate", "steering", "rocker", "bogie", "roll", "pitch", "yaw"]]
