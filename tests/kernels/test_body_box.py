@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import rockerbogie as rb
+from rockerbogie._kernels.model.linkage import body_axes
+from rockerbogie._kernels.search import body_box
 from support import oracle
 from support.helpers import assert_close
+from support.sharp_grounds import draw_case
+
+Array = NDArray[np.float64]
 
 SLACK = 1e-8  # the oracle's bracket, m
 
@@ -32,3 +40,62 @@ def test_clearance_is_the_minimum_over_the_whole_box(interpolation: str, spacing
     faces = oracle.box(rover, x, y, yaw, q)
     brute = oracle.least_gap(oracle.Ground.of(terrain), faces, SLACK).gap.reshape(n, 3).min(axis=1)
     assert_close(pose.clearance, brute, 2 * SLACK, "m", "both are the minimum height of the box over the terrain")
+
+
+def near_flat(kind: str) -> rb.Terrain:
+    """Return cubic terrain of 5 cm cells on which many points of a level box have almost the same gap."""
+    j, i = np.mgrid[:80, :80]
+    rng = np.random.default_rng(6)
+    z = {
+        "constant": np.full(i.shape, 100.0),
+        "plane": 100.0 + 0.005 * i - 0.0025 * j,
+        "float32 plane": (100.0 + 0.005 * i - 0.0025 * j).astype(np.float32).astype(float),
+        "noise of 1e-12 m": 1e-12 * rng.normal(size=i.shape),
+        "noise of 1e-8 m": 1e-8 * rng.normal(size=i.shape),
+        "single nodes": 0.01 * (rng.random(i.shape) < 0.02),
+        "ridges": 0.01 * (i % 5 == 0) + 1e-9 * rng.normal(size=i.shape),
+    }[kind]
+    return rb.Terrain.from_array(z, 0.05, (-2.0, -2.0), "cubic", name=kind)
+
+
+@pytest.fixture
+def bounded(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Return a list whose only element counts the parts that a search of the box bounds."""
+    parts, compiled = [0], body_box.bound_patch
+
+    def counted(*args: Any) -> float:
+        parts[0] += 1
+        return compiled(*args)
+
+    monkeypatch.setattr(body_box, "bound_patch", counted)
+    for name in ("_edge", "_piece", "_edge_bounds", "_face_over_cell"):
+        monkeypatch.setattr(body_box, name, getattr(body_box, name).py_func)
+    return parts
+
+
+def search_level_box(rover: rb.Rover, terrain: rb.Terrain, x: float, y: float, yaw: float, margin: float) -> Array:
+    """Return the points listed (n, NEAR_SIZE) of a level box 10 cm above the datum of the terrain."""
+    axes, near = np.empty((3, 3)), np.empty((body_box.NEAR_ROOM, body_box.NEAR_SIZE))
+    body_axes(0.0, 0.0, np.cos(yaw), np.sin(yaw), axes)
+    at = (x - terrain.origin[0], y - terrain.origin[1], 0.1)
+    _, count = body_box.box_over_ground.py_func(terrain.packed, rover.body_box.ravel(), axes, *at, margin, near)  # type: ignore[attr-defined]
+    return near[:count]
+
+
+@pytest.mark.parametrize("margin", [0.0, 0.01])
+@pytest.mark.parametrize(
+    "kind", ["constant", "plane", "float32 plane", "noise of 1e-12 m", "noise of 1e-8 m", "single nodes", "ridges"]
+)
+def test_ties_cost_a_few_parts_per_cell(bounded: list[int], kind: str, margin: float) -> None:
+    rover = rb.load_rover("perseverance")
+    search_level_box(rover, near_flat(kind), 0.1, 0.2, 0.3, margin)
+    cells = np.prod(np.ptp(rover.body_box[:, :2], axis=0)) / 0.05**2
+    assert bounded[0] <= 5.0 * cells, f"{bounded[0]} parts of {cells:.0f} cells are bounded"
+
+
+def test_box_above_sparse_coefficients_is_searched_at_once(bounded: list[int]) -> None:
+    # 1.3 cm of relief: every cell is within the margin, and each flat corner of a cell ties with its neighbours
+    case = draw_case(2029, "coefficients", "cubic", 1)
+    near = search_level_box(case.rover, case.terrain, case.x[0], case.y[0], case.yaw[0], 0.011)
+    assert len(near) == body_box.NEAR_ROOM
+    assert bounded[0] <= 10_000, f"{bounded[0]} parts are bounded"

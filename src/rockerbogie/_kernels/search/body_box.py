@@ -1,12 +1,10 @@
 """Contacts and clearance of the body's box: its lower faces, and their edges and corners.
 
-The box's lower side is convex and made of plane faces. Over bilinear terrain its minimum gap is over a grid node, or
-on one of its
-edges, piece by piece between grid lines. Over cubic terrain a face may also have a minimum inside a cell: parts of
-the cell are
-quartered, and of an edge halved, until bounds on the spline's second and third derivatives show that a part holds no
-minimum, or that
-the gap is convex over it; Newton's method then finds its minimum.
+The box's lower side is convex and made of plane faces. Over bilinear terrain its minimum gap is over a grid node, or on
+one of its edges, piece by piece between grid lines. Over cubic terrain a face may also have a minimum inside a cell: parts
+of the cell are quartered, and of an edge halved, until Bézier ordinates (`cubic_patch`) decide: a part is nowhere lower
+than the points listed, or has no minimum, or the gap is convex over it within CLEARANCE_TIE. Newton's method then finds its
+minimum.
 """
 
 from __future__ import annotations
@@ -18,8 +16,19 @@ from numpy.typing import NDArray
 
 from ..jit.decorators import njit
 from ..model.ground import META_CUBIC, META_DX, META_DY, META_NX, META_NY, Ground, on_map, surface
-from ..model.tolerances import CLEARANCE_TIE, MIN_DECREASE, SMALLEST_PART
-from .cubic_cell import DERIVATIVES_SIZE, XX, XXX, XXY, XY, XYY, YY, YYY, bounded_step, derivative_bounds
+from ..model.tolerances import CLEARANCE_TIE, GAP_TIE, MIN_DECREASE, SMALLEST_PART
+from .cubic_cell import bounded_step
+from .cubic_patch import (
+    BOUNDS_SIZE,
+    XX_LOW,
+    XY_HIGH,
+    XY_LOW,
+    YY_LOW,
+    bound_differences,
+    bound_patch,
+    monotonic,
+    nearly_convex,
+)
 from .tread import BLANK, FOUND, OFF
 
 Array = NDArray[np.float64]
@@ -88,6 +97,30 @@ def least_clearance(near: Array, count: int, cap: float = math.inf) -> float:
 
 
 @njit
+def _sought(near: Array, count: int, cap: float, seek: float, apart: float, x: float, y: float, reach: float) -> float:
+    """Return the gap, m, below which the points of a part would be listed.
+
+    A part that lies wholly in the neighbourhood of a listed point must be lower than that one by GAP_TIE, and, if the list
+    is full, lower than the highest.
+
+    Args:
+        near, count: the list and how many it holds.
+        cap, seek: m: what is sought is lower than the lowest point so far, or `cap`, plus `seek`.
+        apart: m, points closer than this are one neighbourhood.
+        x, y: m, middle of the part from the body's origin.
+        reach: m, the largest |x| + |y| from there to a point of the part.
+    """
+    low, high, own = cap, -math.inf, math.inf
+    for k in range(count):
+        gap = near[k, N_GAP]
+        low, high = min(low, gap), max(high, gap)
+        if abs(near[k, N_X] - x) + abs(near[k, N_Y] - y) + reach < apart:
+            own = min(own, gap)
+    limit = min(low + seek, own - GAP_TIE)
+    return min(limit, high) if count == near.shape[0] else limit
+
+
+@njit
 def box_over_ground(
     ground: Ground, box: Array, axes: Array, x: float, y: float, z: float, margin: float, near: Array
 ) -> tuple[int, int]:
@@ -106,7 +139,7 @@ def box_over_ground(
         listed), and how many places are listed.
     """
     grid, upper_bound, meta = ground
-    derivatives = np.empty(DERIVATIVES_SIZE)
+    patch = np.empty(BOUNDS_SIZE)
     low = np.empty(3)  # the box's lower corner in each of its own directions
     high = np.empty(3)
     size = 0.0
@@ -155,7 +188,7 @@ def box_over_ground(
             sy = axes[a, 1] * pa + axes[b, 1] * pb + axes[face, 1] * box[face]
             sz = axes[a, 2] * pa + axes[b, 2] * pb + axes[face, 2] * box[face]
             kept = _edge(
-                ground, derivatives, x, y, z, sx, sy, sz, axes[face, 0], axes[face, 1], axes[face, 2], box[3 + face] - box[face],
+                ground, patch, x, y, z, sx, sy, sz, axes[face, 0], axes[face, 1], axes[face, 2], box[3 + face] - box[face],
                 cap, seek, apart, near, count,
             )  # fmt: skip
             if kept < 0:
@@ -214,19 +247,17 @@ def box_over_ground(
                 # beside missing data the upper bound of a known cell may be infinite
                 if room > least_clearance(near, count, cap) + seek:
                     continue
-                known = (
-                    math.isfinite(r0 + r1 + r2 + r3)
-                    if meta[META_CUBIC] == 0.0
-                    else derivative_bounds(grid, i, j, dx, dy, derivatives)
-                )
-                if not known:
-                    code = BLANK
-                    continue
                 if meta[META_CUBIC] != 0.0:
-                    count = _face_over_cell(
-                        grid, meta, derivatives, x, y, z, west, east, south, north, c0, gx, gy, box, a, b,
+                    kept = _face_over_cell(
+                        grid, meta, patch, i, j, x, y, z, west, east, south, north, c0, gx, gy, box, a, b,
                         axes[a, 2] * c0, ax, ay, axes[b, 2] * c0, bx, by, cap, seek, apart, near, count,
                     )  # fmt: skip
+                    if kept < 0:
+                        code, kept = BLANK, count
+                    count = kept
+                    continue
+                if not math.isfinite(r0 + r1 + r2 + r3):
+                    code = BLANK
                     continue
                 for corner in range(4):
                     cx, cy = ox + (half_x if corner & 1 else -half_x), oy + (half_y if corner & 2 else -half_y)
@@ -245,14 +276,14 @@ def box_over_ground(
 
 @njit
 def _edge(
-    ground: Ground, derivatives: Array, x: float, y: float, z: float, sx: float, sy: float, sz: float,
+    ground: Ground, patch: Array, x: float, y: float, z: float, sx: float, sy: float, sz: float,
     ex: float, ey: float, ez: float, length: float, cap: float, seek: float, apart: float, near: Array, count: int,
 ) -> int:  # fmt: skip
     """List where an edge of the box is near the terrain, cell by cell.
 
     Args:
         ground: terrain.
-        derivatives: (DERIVATIVES_SIZE,) scratch.
+        patch: (BOUNDS_SIZE,) scratch.
         x, y, z: m, the body's origin.
         sx, sy, sz: m, the edge's start from there.
         ex, ey, ez: its direction.
@@ -292,24 +323,13 @@ def _edge(
         if min(here, there) + 0.25 * min(twist * du * dv, 0.0) > least_clearance(near, count, cap) + seek:
             t = following
             continue
-        if meta[META_CUBIC] != 0.0:
-            if not derivative_bounds(grid, i, j, dx, dy, derivatives):
-                known = False
-                t = following
-                continue
-            twice = 2.0 * ex * ey
-            low = -(
-                derivatives[XX + 1] * ex * ex
-                + max(derivatives[XY] * twice, derivatives[XY + 1] * twice)
-                + derivatives[YY + 1] * ey * ey
-            )
-        else:
-            low = -2.0 * ex * ey * (grid[j, i] - grid[j, i + 1] - grid[j + 1, i] + grid[j + 1, i + 1]) / (dx * dy)
-        if not math.isfinite(low):
-            known = False
-            t = following
-            continue
-        count = _piece(grid, meta, low, x, y, z, sx, sy, sz, ex, ey, ez, t, following, length, cap, seek, apart, near, count)
+        least_bend = -2.0 * ex * ey * twist / (dx * dy)  # of bilinear terrain
+        kept = _piece(
+            grid, meta, patch, i, j, least_bend, x, y, z, sx, sy, sz, ex, ey, ez, t, following, length, cap, seek, apart,
+            near, count,
+        )  # fmt: skip
+        known &= kept >= 0
+        count = max(kept, count)
         t = following
     return count if known else -1 - count
 
@@ -338,9 +358,9 @@ def _on_edge(
 
 @njit
 def _piece(
-    grid: Array, meta: Array, least_bend: float, x: float, y: float, z: float, sx: float, sy: float, sz: float,
-    ex: float, ey: float, ez: float, start: float, stop: float, length: float, cap: float, seek: float, apart: float,
-    near: Array, count: int,
+    grid: Array, meta: Array, patch: Array, i: int, j: int, least_bend: float, x: float, y: float, z: float,
+    sx: float, sy: float, sz: float, ex: float, ey: float, ez: float, start: float, stop: float, length: float,
+    cap: float, seek: float, apart: float, near: Array, count: int,
 ) -> int:  # fmt: skip
     """List the low points of an edge's piece within one cell.
 
@@ -348,7 +368,9 @@ def _piece(
 
     Args:
         grid, meta: terrain.
-        least_bend: 1/m, lower bound of the gap's second derivative along the piece.
+        patch: (BOUNDS_SIZE,) scratch.
+        i, j: column and row of the cell.
+        least_bend: 1/m, the gap's second derivative along the piece on bilinear terrain.
         x, y, z: m, the body's origin.
         sx, sy, sz: m, the edge's start from there.
         ex, ey, ez: its direction.
@@ -357,24 +379,35 @@ def _piece(
         cap, seek, apart, near, count: as `_edge` takes them.
 
     Returns:
-        The new count.
+        The new count; -1 if data is missing.
     """
     inset = 1e-9 * (stop - start)
+    cubic = meta[META_CUBIC] != 0.0
+    extent = abs(ex) + abs(ey)
     a, b = start, stop
-    fa, ga, ax, ay = _on_edge(grid, meta, x, y, z, sx, sy, sz, ex, ey, ez, a, a + inset)
     while a < stop:
-        fb, gb, bx, by = _on_edge(grid, meta, x, y, z, sx, sy, sz, ex, ey, ez, b, b - inset)
         span = b - a
+        middle = 0.5 * (a + b)
+        low, limit = -math.inf, least_clearance(near, count, cap) + seek
+        if cubic:
+            limit = _sought(near, count, cap, seek, apart, sx + middle * ex, sy + middle * ey, 0.5 * span * extent)
+            low, least_bend = _edge_bounds(grid, meta, patch, i, j, x, y, z, sx, sy, sz, ex, ey, ez, a, b)
+        if math.isnan(low + least_bend):
+            return -1
+        if low > limit:
+            a, b = b, min(b + 2.0 * span, stop)
+            continue
+        fa, ga, ax, ay = _on_edge(grid, meta, x, y, z, sx, sy, sz, ex, ey, ez, a, min(a + inset, stop))
+        fb, gb, bx, by = _on_edge(grid, meta, x, y, z, sx, sy, sz, ex, ey, ez, b, b - inset)
         slack = 0.5 * max(-least_bend, 0.0) * span
         down, up = ga - slack, gb + slack
-        limit = least_clearance(near, count, cap) + seek
         t, f, gx, gy = a, fa, ax, ay
         if down < 0.0 and up <= 0.0:
             t, f, gx, gy = b, fb, bx, by
         elif down < 0.0:
             if fa + down * (fb - fa - up * span) / (down - up) > limit:
                 f = math.inf
-            elif least_bend > 0.0 or span < SMALLEST_PART * length:
+            elif least_bend * span * span > -CLEARANCE_TIE or span < SMALLEST_PART * length:
                 left, right = a, b
                 for _ in range(60):
                     t = 0.5 * (left + right) if gb == ga else left - ga * (right - left) / (gb - ga)
@@ -390,16 +423,52 @@ def _piece(
                         right, gb = t, g
                         ga *= 0.5
             else:
-                b = 0.5 * (a + b)
+                b = middle
                 continue
         if f <= limit:
             if t in (start, stop) and 0.0 < t < length:
                 gx, gy = _across_line(grid, meta, x, y, sx, sy, ex, ey, ez, t, 1e-9 * length)
             count = _keep_lower_point(near, count, apart, f, sx + t * ex, sy + t * ey, sz + t * ez, gx, gy)
-        fa, ga, ax, ay = _on_edge(grid, meta, x, y, z, sx, sy, sz, ex, ey, ez, b, min(b + inset, stop))
-        a = b
-        b = min(a + 2.0 * span, stop)
+        a, b = b, min(b + 2.0 * span, stop)
     return count
+
+
+@njit
+def _edge_bounds(
+    grid: Array, meta: Array, patch: Array, i: int, j: int, x: float, y: float, z: float, sx: float, sy: float, sz: float,
+    ex: float, ey: float, ez: float, a: float, b: float,
+) -> tuple[float, float]:  # fmt: skip
+    """Bound the height of a piece of an edge above a cubic cell.
+
+    The piece is a diagonal of its rectangle in the cell, and lies in a plane that is horizontal across it. A vertical edge
+    has no such plane, and no minimum between its ends.
+
+    Args:
+        grid, meta: cubic terrain.
+        patch: (BOUNDS_SIZE,) scratch.
+        i, j: column and row of the cell.
+        x, y, z: m, the body's origin.
+        sx, sy, sz: m, the edge's start from there.
+        ex, ey, ez: its direction.
+        a, b: m, the piece.
+
+    Returns:
+        Lower bounds of the gap, m, and of its second derivative along the edge, 1/m.
+    """
+    level = ex * ex + ey * ey
+    if level < 1e-18:
+        return -math.inf, 0.0
+    wide, tall = abs(ex) * (b - a), abs(ey) * (b - a)
+    from_x, from_y = min(a * ex, b * ex) + sx, min(a * ey, b * ey) + sy
+    u, v = (x + from_x) / meta[META_DX] - i, (y + from_y) / meta[META_DY] - j
+    slope = ez / level
+    height = z + sz + slope * ((from_x - sx) * ex + (from_y - sy) * ey)
+    low = bound_patch(
+        grid, i, j, u, u + wide / meta[META_DX], v, v + tall / meta[META_DY], wide, tall, height, slope * ex, slope * ey, patch
+    )
+    bound_differences(patch)
+    mixed = patch[XY_LOW] if ex * ey > 0.0 else -patch[XY_HIGH]
+    return low, (6.0 * patch[XX_LOW] + 18.0 * mixed + 6.0 * patch[YY_LOW]) / ((b - a) * (b - a))
 
 
 @njit
@@ -429,7 +498,7 @@ def _across_line(
 
 @njit
 def _face_over_cell(
-    grid: Array, meta: Array, derivatives: Array, x: float, y: float, z: float,
+    grid: Array, meta: Array, patch: Array, col: int, row: int, x: float, y: float, z: float,
     west: float, east: float, south: float, north: float, c0: float, gx: float, gy: float, box: Array, a: int, b: int,
     a0: float, ax: float, ay: float, b0: float, bx: float, by: float,
     cap: float, seek: float, apart: float, near: Array, count: int,
@@ -440,7 +509,8 @@ def _face_over_cell(
 
     Args:
         grid, meta: cubic terrain.
-        derivatives: (DERIVATIVES_SIZE,) bounds on the cell's derivatives.
+        patch: (BOUNDS_SIZE,) scratch.
+        col, row: the cell.
         x, y, z: m, the body's origin.
         west, east, south, north: m, the part from the body's origin.
         c0, gx, gy: the face's plane c0 + gx X + gy Y, from the body's origin.
@@ -451,33 +521,36 @@ def _face_over_cell(
         cap, seek, apart, near, count: as `_edge` takes them.
 
     Returns:
-        The new count.
+        The new count; -1 if the cell is missing.
     """
     half_x, half_y = 0.5 * (east - west), 0.5 * (north - south)
-    if derivatives[XX] > -1e-12 or derivatives[YY] > -1e-12:
-        return count
+    over_x, over_y = 1.0 / meta[META_DX], 1.0 / meta[META_DY]
+    u, v = (x + west) * over_x - col, (y + south) * over_y - row
     level, i, j = 0, 0, 0
     rx, ry = half_x, half_y
     while True:
-        ox, oy = west + (2 * i + 1) * rx, south + (2 * j + 1) * ry
+        wide, tall = 2.0 * rx, 2.0 * ry
+        from_x, from_y = i * wide, j * tall
+        ox, oy = west + from_x + rx, south + from_y + ry
         split = False
         pa, pb = a0 + ax * ox + ay * oy, b0 + bx * ox + by * oy
         outside_a = max(box[a] - pa, pa - box[3 + a]) > rx * abs(ax) + ry * abs(ay)
-        if not (outside_a or max(box[b] - pb, pb - box[3 + b]) > rx * abs(bx) + ry * abs(by)):
-            h, hx, hy, hxx, hxy, hyy = surface(grid, meta, x + ox, y + oy)
-            dxx, dxy = derivatives[XXX] * rx + derivatives[XXY] * ry, derivatives[XXY] * rx + derivatives[XYY] * ry
-            dyy = derivatives[XYY] * rx + derivatives[YYY] * ry
-            fx, fy = gx - hx, gy - hy
-            turn_x, turn_y = (abs(hxx) + dxx) * rx + (abs(hxy) + dxy) * ry, (abs(hxy) + dxy) * rx + (abs(hyy) + dyy) * ry
-            hill = hxx - dxx < 0.0 and hyy - dyy < 0.0
-            if hill and abs(fx) <= turn_x and abs(fy) <= turn_y:
-                bent = 0.5 * max(hxx + dxx, 0.0) * rx * rx + (abs(hxy) + dxy) * rx * ry + 0.5 * max(hyy + dyy, 0.0) * ry * ry
-                limit = least_clearance(near, count, cap) + seek
-                if z + c0 + gx * ox + gy * oy - h - abs(fx) * rx - abs(fy) * ry - bent <= limit:
-                    xx, yy, xy = -hxx - dxx, -hyy - dyy, abs(hxy) + dxy
+        if level == 0 or not (outside_a or max(box[b] - pb, pb - box[3 + b]) > rx * abs(bx) + ry * abs(by)):
+            height = z + c0 + gx * (west + from_x) + gy * (south + from_y)
+            low = bound_patch(
+                grid, col, row, u + from_x * over_x, u + (from_x + wide) * over_x,
+                v + from_y * over_y, v + (from_y + tall) * over_y, wide, tall, height, gx, gy, patch,
+            )  # fmt: skip
+            if math.isnan(low):
+                return -1
+            limit = _sought(near, count, cap, seek, apart, ox, oy, rx + ry)
+            if low <= limit:
+                bound_differences(patch)
+                if not monotonic(patch):
                     px, py, held = ox, oy, -1
-                    if xx > 0.0 and yy > 0.0 and xx * yy > xy * xy:
-                        px, py, held = _hill(grid, meta, x, y, gx, gy, ox, oy, rx, ry)
+                    if nearly_convex(patch, CLEARANCE_TIE):
+                        even_x, even_y = CLEARANCE_TIE / max(wide * wide, 1e-300), CLEARANCE_TIE / max(tall * tall, 1e-300)
+                        px, py, held = _hill(grid, meta, x, y, gx, gy, ox, oy, rx, ry, even_x, even_y)
                     if held < 0 and rx >= SMALLEST_PART * half_x:
                         split = True
                     else:
@@ -504,8 +577,9 @@ def _face_over_cell(
 
 @njit
 def _hill(
-    grid: Array, meta: Array, x: float, y: float, gx: float, gy: float, xm: float, ym: float, rx: float, ry: float
-) -> tuple[float, float, int]:
+    grid: Array, meta: Array, x: float, y: float, gx: float, gy: float, xm: float, ym: float, rx: float, ry: float,
+    even_x: float, even_y: float,
+) -> tuple[float, float, int]:  # fmt: skip
     """Find the minimum height of a plane above concave terrain, within a part of a cell.
 
     Args:
@@ -513,6 +587,7 @@ def _hill(
         x, y: m, the body's origin from the map's first node.
         gx, gy: slope of the plane.
         xm, ym, rx, ry: m, middle and half sizes of the part, from the body's origin.
+        even_x, even_y: 1/m, curvature added to the height's, for terrain that is level along a line.
 
     Returns:
         The place, m from the body's origin, and how many of its coordinates are held at the part's sides; -1 if Newton did not
@@ -522,7 +597,7 @@ def _hill(
     for _ in range(30):
         _, hx, hy, hxx, hxy, hyy = surface(grid, meta, x + ox, y + oy)
         fx, fy = gx - hx, gy - hy
-        step_x, step_y, held = bounded_step(ox - xm, oy - ym, rx, ry, fx, fy, -hxx, -hxy, -hyy)
+        step_x, step_y, held = bounded_step(ox - xm, oy - ym, rx, ry, fx, fy, even_x - hxx, -hxy, even_y - hyy)
         if held < 0 or abs(fx * step_x + fy * step_y) < MIN_DECREASE:
             return ox, oy, held
         ox, oy = min(max(ox + step_x, xm - rx), xm + rx), min(max(oy + step_y, ym - ry), ym + ry)
