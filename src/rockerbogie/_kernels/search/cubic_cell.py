@@ -22,6 +22,7 @@ from ..model.wheel import (  # fmt: skip
     COS,
     COSINE,
     DERIVATIVES,
+    DERIVATIVES_OF_TREAD,
     EX,
     EY,
     GAP,
@@ -29,6 +30,7 @@ from ..model.wheel import (  # fmt: skip
     HX,
     HY,
     HZ,
+    PATCH,
     PLACE,
     RADIUS,
     SIN,
@@ -41,6 +43,21 @@ from ..model.wheel import (  # fmt: skip
     keep_lower_contact,
 )
 from .bilinear_cell import HALVES, ends_of, rim_over_cell
+from .cubic_patch import (
+    BOUNDS_SIZE,
+    X_HIGH,
+    X_LOW,
+    XX_HIGH,
+    XX_LOW,
+    XY_HIGH,
+    XY_LOW,
+    Y_HIGH,
+    Y_LOW,
+    YY_HIGH,
+    YY_LOW,
+    bound_differences,
+    bound_patch,
+)
 
 Array = NDArray[np.float64]
 
@@ -49,6 +66,9 @@ XX, XY, YY = 0, 2, 4
 XXX, XXY, XYY, YYY = range(6, 10)
 DERIVATIVES_SIZE = 10
 FINEST = 20  # times a part is quartered
+THINNEST = 1e-6  # of a cell: a rectangle around an arc is not made smaller along either axis
+
+UNDECIDED, CLOSED, CONVEX = range(3)
 
 
 @njit
@@ -129,9 +149,9 @@ def search_curved_cell(
         return -1
     half = w[HALF]
     if half > 0.0:
-        count = _inside(grid, meta, w, derivatives, 1.0, x0, x1, y0, y1, lowest, keep, contacts, count)
+        count = _inside(grid, meta, w, i, j, derivatives, 1.0, x0, x1, y0, y1, lowest, keep, contacts, count)
         if not _upper_is_clear(grid, meta, w, -half if w[AZ] > 0.0 else half, i, j, max(lowest[GAP] - GAP_TIE, keep)):
-            count = _inside(grid, meta, w, derivatives, -1.0, x0, x1, y0, y1, lowest, keep, contacts, count)
+            count = _inside(grid, meta, w, i, j, derivatives, -1.0, x0, x1, y0, y1, lowest, keep, contacts, count)
     across = 0.5 * (x0 + x1) * w[VX] + 0.5 * (y0 + y1) * w[VY]
     near = 0.5 * ((x1 - x0) * abs(w[VX]) + (y1 - y0) * abs(w[VY])) + w[RADIUS] * abs(w[AZ]) + CELL_MARGIN * (x1 - x0 + y1 - y0)
     for side in range(2 if half > 0.0 else 1):
@@ -149,7 +169,7 @@ def search_curved_cell(
                 high = math.atan2(ends[at + 1, 0], ends[at + 1, 1])
                 if high < low:
                     high += 2.0 * math.pi
-                count = _arc(grid, meta, w, derivatives, s, low, high, lowest, keep, contacts, count)
+                count = _arc(grid, meta, w, i, j, derivatives, s, low, high, lowest, keep, contacts, count)
     return count
 
 
@@ -174,20 +194,19 @@ def _upper_is_clear(grid: Array, meta: Array, w: Array, s: float, i: int, j: int
 
 
 @njit
-def _along(grid: Array, meta: Array, w: Array, phi: float, s: float) -> tuple[float, float, float, float, float]:
+def _along(grid: Array, meta: Array, w: Array, sp: float, cp: float, s: float) -> tuple[float, float, float, float, float]:
     """Return the rim's height above the terrain, its derivatives by φ, and the terrain's slope.
 
     Args:
         grid, meta: cubic terrain.
         w: (WHEEL_SIZE,) wheel.
-        phi: rad.
+        sp, cp: sin φ, cos φ.
         s: m, position of the rim along the axle.
 
     Returns:
         f, f', f'', m, and the slope along x and y.
     """
     r = w[RADIUS]
-    sp, cp = math.sin(phi), math.cos(phi)
     x = s * w[AX] + r * (sp * w[EX] - cp * w[UX])
     y = s * w[AY] + r * (sp * w[EY] - cp * w[UY])
     z = w[HZ] + s * w[AZ] - r * cp * w[UZ]
@@ -199,7 +218,9 @@ def _along(grid: Array, meta: Array, w: Array, phi: float, s: float) -> tuple[fl
 
 
 @njit
-def _least_curvature(w: Array, derivatives: Array, gx: float, gy: float, a: float, b: float) -> float:
+def _least_curvature(
+    w: Array, derivatives: Array, gx: float, gy: float, a: float, b: float, sa: float, ca: float, sb: float, cb: float
+) -> float:
     """Return a lower bound of f'' of the rim's height over the cell on an arc, m.
 
     f'' / r = A cos φ + B sin φ - r h(t, t), with A, B from the slope, which changes along the arc by the second
@@ -210,9 +231,9 @@ def _least_curvature(w: Array, derivatives: Array, gx: float, gy: float, a: floa
         derivatives: (DERIVATIVES_SIZE,) bounds on the cell's derivatives (`derivative_bounds`).
         gx, gy: the terrain's slope at a.
         a, b: rad, the arc's ends.
+        sa, ca, sb, cb: their sines and cosines.
     """
     r = w[RADIUS]
-    ca, cb, sa, sb = math.cos(a), math.cos(b), math.sin(a), math.sin(b)
     top_cos = 1.0 if a <= 0.0 <= b or a <= math.pi <= b else max(abs(ca), abs(cb))
     tx, ty = abs(w[EX]) * top_cos + abs(w[UX]), abs(w[EY]) * top_cos + abs(w[UY])
     twist = max(abs(derivatives[XY]), abs(derivatives[XY + 1]))
@@ -228,17 +249,18 @@ def _least_curvature(w: Array, derivatives: Array, gx: float, gy: float, a: floa
 
 @njit
 def _arc(
-    grid: Array, meta: Array, w: Array, derivatives: Array, s: float, low: float, high: float,
+    grid: Array, meta: Array, w: Array, i: int, j: int, derivatives: Array, s: float, low: float, high: float,
     lowest: Array, keep: float, contacts: Array, count: int,
 ) -> int:  # fmt: skip
     """Find the local minima of a rim's height above the terrain on an arc in one cell.
 
-    A piece of the arc is closed if its height is shown to be monotonic, to stay above what is sought, or to be convex;
-    else it is halved.
+    A piece of the arc is closed if its height is shown to be monotonic, to stay above what is sought, or to be convex. If
+    bounds over the cell do not show it, those over the piece's rectangle are tried; else the piece is halved.
 
     Args:
         grid, meta: cubic terrain.
         w: (WHEEL_SIZE,) wheel.
+        i, j: column and row of the cell.
         derivatives: (DERIVATIVES_SIZE,) bounds on the cell's derivatives (`derivative_bounds`).
         s: m, position of the rim along the axle.
         low, high: rad, the arc's ends.
@@ -248,17 +270,28 @@ def _arc(
         The new count.
     """
     a, b = low, high
-    fa, ga, _, gx, gy = _along(grid, meta, w, a, s)
+    sa, ca = math.sin(a), math.cos(a)
+    fa, ga, _, gx, gy = _along(grid, meta, w, sa, ca, s)
     while a < high:
-        fb, gb, _, next_gx, next_gy = _along(grid, meta, w, b, s)
+        sb, cb = math.sin(b), math.cos(b)
+        fb, gb, _, next_gx, next_gy = _along(grid, meta, w, sb, cb, s)
         length = b - a
-        curvature = _least_curvature(w, derivatives, gx, gy, a, b)
-        slack = 0.5 * max(-curvature, 0.0) * length
-        down, up = ga - slack, gb + slack  # slopes of f made convex: its tangents at a and b bound it from below
+        curvature = _least_curvature(w, derivatives, gx, gy, a, b, sa, ca, sb, cb)
+        local = False
+        while True:
+            slack = 0.5 * max(-curvature, 0.0) * length
+            down, up = ga - slack, gb + slack  # slopes of f made convex: its tangents at a and b bound it from below
+            if local or curvature > 0.0 or down >= 0.0 or up <= 0.0 or length <= 1e-7:
+                break
+            if fa + down * (fb - fa - up * length) / (down - up) >= max(lowest[GAP] - GAP_TIE, keep):
+                break
+            local = True
+            on_arc = _derivatives_on_arc(grid, meta, w, i, j, s, length, sa, ca, sb, cb)
+            curvature = max(curvature, _least_curvature(w, on_arc, gx, gy, a, b, sa, ca, sb, cb))
         if down >= 0.0:
-            count = keep_lower_contact(w, lowest, fa, math.sin(a), math.cos(a), s, keep, contacts, count)
+            count = keep_lower_contact(w, lowest, fa, sa, ca, s, keep, contacts, count)
         elif up <= 0.0:
-            count = keep_lower_contact(w, lowest, fb, math.sin(b), math.cos(b), s, keep, contacts, count)
+            count = keep_lower_contact(w, lowest, fb, sb, cb, s, keep, contacts, count)
         elif fa + down * (fb - fa - up * length) / (down - up) < max(lowest[GAP] - GAP_TIE, keep):
             if curvature > 0.0:
                 count = _convex_arc(grid, meta, w, s, a, b, ga, gb, lowest, keep, contacts, count)
@@ -266,11 +299,46 @@ def _arc(
                 b = 0.5 * (a + b)
                 continue
             else:
-                count = keep_lower_contact(w, lowest, fa, math.sin(a), math.cos(a), s, keep, contacts, count)
-                count = keep_lower_contact(w, lowest, fb, math.sin(b), math.cos(b), s, keep, contacts, count)
-        a, fa, ga, gx, gy = b, fb, gb, next_gx, next_gy
+                count = keep_lower_contact(w, lowest, fa, sa, ca, s, keep, contacts, count)
+                count = keep_lower_contact(w, lowest, fb, sb, cb, s, keep, contacts, count)
+        a, sa, ca, fa, ga, gx, gy = b, sb, cb, fb, gb, next_gx, next_gy
         b = min(a + 2.0 * length, high)
     return count
+
+
+@njit
+def _derivatives_on_arc(
+    grid: Array, meta: Array, w: Array, i: int, j: int, s: float, length: float, sa: float, ca: float, sb: float, cb: float
+) -> Array:
+    """Compute bounds on the spline's second derivatives over the rectangle around an arc, in its cell.
+
+    Args:
+        grid, meta: cubic terrain.
+        w: (WHEEL_SIZE,) wheel; DERIVATIVES_OF_TREAD and PATCH are scratch.
+        i, j: column and row of the cell.
+        s: m, position of the rim along the axle.
+        length: rad, the arc.
+        sa, ca, sb, cb: sin φ and cos φ of its ends.
+
+    Returns:
+        (DERIVATIVES_SIZE,) lowest and highest second derivatives, 1/m, as `derivative_bounds` fills them.
+    """
+    derivatives, patch = w[DERIVATIVES_OF_TREAD : DERIVATIVES_OF_TREAD + DERIVATIVES_SIZE], w[PATCH : PATCH + BOUNDS_SIZE]
+    dx, dy, r = meta[META_DX], meta[META_DY], w[RADIUS]
+    bulge = 0.125 * r * length * length  # no point of the arc is farther from its chord
+    x, y = w[HX] + s * w[AX] - i * dx, w[HY] + s * w[AY] - j * dy
+    xa, xb = x + r * (sa * w[EX] - ca * w[UX]), x + r * (sb * w[EX] - cb * w[UX])
+    ya, yb = y + r * (sa * w[EY] - ca * w[UY]), y + r * (sb * w[EY] - cb * w[UY])
+    u0, v0 = min(max((min(xa, xb) - bulge) / dx, 0.0), 1.0 - THINNEST), min(max((min(ya, yb) - bulge) / dy, 0.0), 1.0 - THINNEST)
+    u1, v1 = min(max((max(xa, xb) + bulge) / dx, u0 + THINNEST), 1.0), min(max((max(ya, yb) + bulge) / dy, v0 + THINNEST), 1.0)
+    wide, tall = (u1 - u0) * dx, (v1 - v0) * dy
+    bound_patch(grid, i, j, u0, u1, v0, v1, wide, tall, 0.0, 0.0, 0.0, patch)
+    bound_differences(patch)
+    for k in range(2):
+        derivatives[XX + k] = -6.0 * patch[XX_HIGH - k] / (wide * wide)
+        derivatives[XY + k] = -9.0 * patch[XY_HIGH - k] / (wide * tall)
+        derivatives[YY + k] = -6.0 * patch[YY_HIGH - k] / (tall * tall)
+    return derivatives
 
 
 @njit
@@ -296,7 +364,7 @@ def _convex_arc(
     t = a - ga * (b - a) / (gb - ga)
     f = math.inf
     for _ in range(60):
-        f, g, h, _, _ = _along(grid, meta, w, t, s)
+        f, g, h, _, _ = _along(grid, meta, w, math.sin(t), math.cos(t), s)
         if g < 0.0:
             a = t
         else:
@@ -313,7 +381,8 @@ def _convex_arc(
 
 @njit
 def _inside(
-    grid: Array, meta: Array, w: Array, derivatives: Array, side: float, x0: float, x1: float, y0: float, y1: float,
+    grid: Array, meta: Array, w: Array, col: int, row: int, derivatives: Array, side: float,
+    x0: float, x1: float, y0: float, y1: float,
     lowest: Array, keep: float, contacts: Array, count: int,
 ) -> int:  # fmt: skip
     """Note the local minima of T - h inside the tread, over a part of a cubic cell.
@@ -321,11 +390,12 @@ def _inside(
     Over (u, v) the tread's lower (side 1) or upper half (side -1) stands at T = z_hub + v tan τ - side sqrt(r² - u²) / cos τ. A
     local minimum needs h_vv <= 0, and h_uu <= T_uu. The part is quartered until a quarter fails one of the necessary conditions
     (curvature, slope), lies under no tread, has a lower bound that is not below what is sought, or until T - h is proved convex
-    over it: then Newton finds the one minimum. docs/design.md derives the bounds.
+    over it: then Newton finds the one minimum. docs/bounds.md derives the bounds.
 
     Args:
         grid, meta: cubic terrain (ground.py).
         w: (WHEEL_SIZE,) wheel.
+        col, row: the cell.
         derivatives: (DERIVATIVES_SIZE,) bounds on the cell's derivatives (`derivative_bounds`).
         side: 1 for the tread's lower half, -1 for its upper half.
         x0, x1, y0, y1: the part, m from the hub; it lies in one cell.
@@ -385,25 +455,29 @@ def _inside(
                     ut = min(max(u, -0.98 * r), 0.98 * r)  # a tangent of T at ut lies nowhere above it
                     lu = _bowl_slope(w, ut)
                     low = lu * (u - ut) - math.sqrt(r * r - ut * ut) / w[COS]
-                    f_uu = r * r / (q_far * q_far * q_far * w[COS]) - h_uu - d_uu
+                    t_uu = r * r / (q_far * q_far * q_far * w[COS])
                 else:
                     falls = -_bowl_slope(w, u + ru) - h_u - rise <= 0.0 <= -_bowl_slope(w, u - ru) - h_u + rise
                     lu = 0.0
                     low = q_near / w[COS]
-                    f_uu = -r * r / (q_near * q_near * q_near * w[COS]) - h_uu - d_uu if q_near > 0.0 else -math.inf
+                    t_uu = -r * r / (q_near * q_near * q_near * w[COS]) if q_near > 0.0 else -math.inf
+                plane = w[HZ] + v * w[TAN] + low
                 slope_x, slope_y = lu * ex + w[TAN] * vx - gx, lu * ey + w[TAN] * vy - gy
                 bent = 0.5 * max(hxx + dxx, 0.0) * rx * rx + (abs(hxy) + dxy) * rx * ry + 0.5 * max(hyy + dyy, 0.0) * ry * ry
                 low += w[HZ] + v * w[TAN] - h - abs(slope_x) * rx - abs(slope_y) * ry - bent
                 if falls and low < max(lowest[GAP] - GAP_TIE, keep):
-                    f_vv, f_uv = -h_vv - d_vv, abs(h_uv) + d_uv
-                    kept = -1
-                    if f_uu > 0.0 and f_vv > 0.0 and f_uu * f_vv > f_uv * f_uv:
+                    f_uu, f_vv, f_uv = t_uu - h_uu - d_uu, -h_vv - d_vv, abs(h_uv) + d_uv
+                    verdict, kept = CONVEX, -1
+                    if not (f_uu > 0.0 and f_vv > 0.0 and f_uu * f_vv > f_uv * f_uv):
+                        sought = max(lowest[GAP] - GAP_TIE, keep)
+                        verdict = _by_patch(grid, meta, w, side, col, row, x, y, rx, ry, plane, lu, t_uu, sought)
+                    if verdict == CONVEX:
                         kept = _convex_part(grid, meta, w, side, x, y, rx, ry, lowest, keep, contacts, count)
                     if kept >= 0:
                         count = kept
-                    elif level < FINEST:
+                    elif verdict != CLOSED and level < FINEST:
                         split = True
-                    elif abs(u) < r:
+                    elif verdict != CLOSED and abs(u) < r:
                         count = _keep_lower_inside(w, side, u, v, h, lowest, keep, contacts, count)
         if split:
             level, i, j = level + 1, 2 * i, 2 * j
@@ -418,6 +492,56 @@ def _inside(
             i += 1
         else:
             i, j = i - 1, j + 1
+
+
+@njit
+def _by_patch(
+    grid: Array, meta: Array, w: Array, side: float, col: int, row: int, x: float, y: float, rx: float, ry: float,
+    plane: float, slope: float, least_uu: float, limit: float,
+) -> int:  # fmt: skip
+    """Decide a part by the Bézier ordinates of the height above it of a plane that is nowhere above T.
+
+    The terrain's derivatives are bounded in the grid's directions: beside a wall along the grid one of the second derivatives
+    is large and uncertain, and the others are 0. In the wheel's directions all three are large and uncertain.
+
+    Args:
+        grid, meta: cubic terrain.
+        w: (WHEEL_SIZE,) wheel; PATCH is scratch.
+        side: 1 for the tread's lower half, -1 for its upper half.
+        col, row: the cell.
+        x, y, rx, ry: middle and half sizes of the part, m from the hub.
+        plane: m, height of the plane over the middle.
+        slope: its slope along u; that along v is tan τ.
+        least_uu: 1/m, lower bound of T_uu over the part.
+        limit: m, minima of this gap or more are not sought.
+
+    Returns:
+        CLOSED: there is no minimum below `limit`. CONVEX: T - h is convex. UNDECIDED: neither is shown.
+    """
+    patch, ex, ey = w[PATCH : PATCH + BOUNDS_SIZE], w[EX], w[EY]
+    dx, dy = meta[META_DX], meta[META_DY]
+    wide, tall = 2.0 * rx, 2.0 * ry
+    u0, v0 = (w[HX] + x - rx) / dx - col, (w[HY] + y - ry) / dy - row
+    gx, gy = slope * ex + w[TAN] * w[VX], slope * ey + w[TAN] * w[VY]
+    corner = plane - gx * rx - gy * ry
+    if bound_patch(grid, col, row, u0, u0 + wide / dx, v0, v0 + tall / dy, wide, tall, corner, gx, gy, patch) >= limit:
+        return CLOSED
+    bound_differences(patch)
+    u, ru = x * ex + y * ey, rx * abs(ex) + ry * abs(ey)
+    # T's slope along u less the plane's, at the ends of the part
+    near, far = side * _bowl_slope(w, u - side * ru) - slope, side * _bowl_slope(w, u + side * ru) - slope
+    share_x, share_y = wide / 3.0, tall / 3.0
+    rises = max(patch[X_LOW] + share_x * min(near * ex, far * ex), patch[Y_LOW] + share_y * min(near * ey, far * ey))
+    falls = min(patch[X_HIGH] + share_x * max(near * ex, far * ex), patch[Y_HIGH] + share_y * max(near * ey, far * ey))
+    if rises > GAP_TIE or falls < -GAP_TIE:
+        return CLOSED
+    f_xx, f_yy = (
+        6.0 * patch[XX_LOW] / (wide * wide) + least_uu * ex * ex,
+        6.0 * patch[YY_LOW] / (tall * tall) + least_uu * ey * ey,
+    )
+    mixed, over = least_uu * ex * ey, 9.0 / (wide * tall)
+    most_xy = max(-patch[XY_LOW] * over - mixed, patch[XY_HIGH] * over + mixed)
+    return CONVEX if f_xx > 0.0 and f_yy > 0.0 and f_xx * f_yy > most_xy * most_xy else UNDECIDED
 
 
 @inlined
