@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit.decorators import inlined, njit
-from ..model.ground import Ground, surface
+from ..model.ground import META_CUBIC, Ground, surface
 from ..model.linkage import (
     BOGIE_L,
     BOGIE_R,
@@ -21,6 +21,7 @@ from ..model.linkage import (
     Z,
     forward_kinematics,
     gap_jacobian_row,
+    reach,
 )
 from ..model.tolerances import CONVERGED_GAP, MAX_ANGLE, MAX_STEP_ANGLE, SEARCH_GAP
 from ..model.wheel import COSINE, GAP, HX, HY, HZ, PLACE, RADIUS, SIN, contact_slope, tread_point
@@ -168,7 +169,8 @@ def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: floa
         FOUND; OFF or BLANK if a wheel had no known terrain at all under it; these plus FOUND_OVER if a pose was found
         that has a
         tread over the map's edge or missing data; -1 if Newton's method did not converge, LOST_OFF if a tread was over the
-        map's edge at its last step.
+        map's edge at its last step; FAR_AWAY if a wheel stays farther from cubic terrain than twice the rover's reach, as
+        beside a wall that is higher than the rover.
     """
     grid, _, meta = ground
     axes, pivots, wheels, rows, step, touch = work.axes, work.pivots, work.wheels, work.rows, work.step, work.touch
@@ -188,6 +190,8 @@ def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: floa
                     return code
                 coverage = code if code != FOUND else coverage
             worst = max(worst, abs(t[GAP]))
+        if it >= FAR_STEPS and meta[META_CUBIC] != 0.0 and worst > FAR * reach(rover):
+            return FAR_AWAY
         if worst < CONVERGED_GAP:
             if whole:
                 return coverage if coverage == FOUND else coverage + FOUND_OVER
@@ -217,6 +221,10 @@ STARTS = 32
 STRAYED = 8  # starts that put a wheel wholly off the known terrain before the search ends
 FOUND_OVER = 8  # added to OFF or BLANK
 LOST_OFF = -2  # code of a search that cycles with a tread over the map's edge
+FAR_AWAY = -3  # code of a search that ends far from the terrain
+FAR = 2.0  # times the rover's reach: a start is abandoned if a gap is larger after FAR_STEPS steps
+FAR_STEPS = 4
+FAR_STARTS = 2  # starts that are abandoned before the search ends
 EDGE_STARTS = 3  # starts that may lead to a pose across the map's edge, or cycle there, before the status is OFF_MAP
 
 
@@ -272,7 +280,7 @@ def settle_contact(
     Returns:
         Status code, CONVERGED, JOINT_STOP, NOT_CONVERGED, OFF_MAP or NO_DATA; the start that led to the pose, STARTS if none did.
     """
-    strayed, edges, over = 0, 0, FOUND
+    strayed, edges, far, over = 0, 0, 0, FOUND
     for attempt in range(first, STARTS):
         start_pose(ground, rover, x, y, attempt, q, work.touch)
         if attempt == 0:
@@ -281,6 +289,10 @@ def settle_contact(
         if code == OFF or code == BLANK:
             strayed, over = strayed + 1, code
             if strayed == STRAYED:
+                break
+        elif code == FAR_AWAY:
+            far += 1
+            if far == FAR_STARTS:
                 break
         elif code > FOUND_OVER or code == LOST_OFF:
             over = OFF if code == LOST_OFF else code - FOUND_OVER
