@@ -43,7 +43,7 @@ def test_clearance_is_the_minimum_over_the_whole_box(interpolation: str, spacing
 
 
 def near_flat(kind: str) -> rb.Terrain:
-    """Return cubic terrain of 5 cm cells on which many points of a level box have almost the same gap."""
+    """Return cubic terrain of 5 cm cells above which many points of a box have almost equal gaps."""
     j, i = np.mgrid[:80, :80]
     rng = np.random.default_rng(6)
     z = {
@@ -74,7 +74,7 @@ def bounded(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 
 def search_level_box(rover: rb.Rover, terrain: rb.Terrain, x: float, y: float, yaw: float, margin: float) -> Array:
-    """Return the points listed (n, NEAR_SIZE) of a level box 10 cm above the datum of the terrain."""
+    """Return the points (n, NEAR_SIZE) listed of a level box 10 cm above the datum."""
     axes, near = np.empty((3, 3)), np.empty((body_box.NEAR_ROOM, body_box.NEAR_SIZE))
     body_axes(0.0, 0.0, np.cos(yaw), np.sin(yaw), axes)
     at = (x - terrain.origin[0], y - terrain.origin[1], 0.1)

@@ -1,4 +1,4 @@
-"""Work of the contact search on cubic terrain: terrain values that one search needs, near walls and on flat terrain."""
+"""Terrain values that a search for contacts needs beside walls of cubic terrain."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ NODES = 81
 
 
 def wall(height: float) -> rb.Terrain:
-    """Return cubic terrain of two flat halves, the western one lower by `height`; the spline rings on both sides."""
+    """Return cubic terrain of two flat halves, the western one lower by `height`."""
     z = np.full((NODES, NODES), 100.0)
     z[:, : NODES // 2] -= height
     return rb.Terrain.from_array(z, CELL, interpolation="cubic")
@@ -86,7 +86,7 @@ def test_search_beside_a_wall_is_exact_and_short(counted: list[int], name: str, 
 
 
 def test_two_starts_far_from_the_terrain_end_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Under the rover the spline oscillates by kilometres: NOT_CONVERGED after two starts, not after 32."""
+    """The spline oscillates by kilometres: NOT_CONVERGED after two starts, not after 32."""
     rover, terrain = rb.load_rover("curiosity"), wall(1e4)
     ends, compiled = [], newton.newton
 

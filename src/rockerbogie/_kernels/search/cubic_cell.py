@@ -310,7 +310,7 @@ def _arc(
 def _derivatives_on_arc(
     grid: Array, meta: Array, w: Array, i: int, j: int, s: float, length: float, sa: float, ca: float, sb: float, cb: float
 ) -> Array:
-    """Compute bounds on the spline's second derivatives over the rectangle around an arc, in its cell.
+    """Bound the spline's second derivatives over the part of a cell around an arc.
 
     Args:
         grid, meta: cubic terrain.
@@ -499,9 +499,9 @@ def _by_patch(
     grid: Array, meta: Array, w: Array, side: float, col: int, row: int, x: float, y: float, rx: float, ry: float,
     plane: float, slope: float, least_uu: float, limit: float,
 ) -> int:  # fmt: skip
-    """Decide a part by the Bézier ordinates of the height above it of a plane that is nowhere above T.
+    """Decide a part by the Bézier ordinates of the height of a plane above it.
 
-    The terrain's derivatives are bounded in the grid's directions: beside a wall along the grid one of the second derivatives
+    The plane is nowhere above T. The terrain's derivatives are bounded in the grid's directions: beside a wall along the grid one of the second derivatives
     is large and uncertain, and the others are 0. In the wheel's directions all three are large and uncertain.
 
     Args:

@@ -26,7 +26,7 @@ BOUNDS_SIZE = PATCH_SIZE + 10
 
 @force_inlined
 def _polar(a: float, b: float, c: float) -> tuple[float, float, float, float]:
-    """Return the weights of four B-spline coefficients in the polar form of their cubic piece at (a, b, c).
+    """Return the weights of four B-spline coefficients in their piece's polar form at (a, b, c).
 
     Args:
         a, b, c: 0 to 1; three equal arguments give the piece itself.
