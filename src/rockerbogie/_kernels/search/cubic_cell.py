@@ -501,8 +501,9 @@ def _by_patch(
 ) -> int:  # fmt: skip
     """Decide a part by the Bézier ordinates of the height of a plane above it.
 
-    The plane is nowhere above T. The terrain's derivatives are bounded in the grid's directions: beside a wall along the grid one of the second derivatives
-    is large and uncertain, and the others are 0. In the wheel's directions all three are large and uncertain.
+    The plane is nowhere above T. The terrain's derivatives are bounded in the grid's directions: beside a wall along the grid
+    one of the second derivatives is large and uncertain, and the others are 0. In the wheel's directions all three are large
+    and uncertain.
 
     Args:
         grid, meta: cubic terrain.
