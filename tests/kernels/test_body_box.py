@@ -43,7 +43,7 @@ def test_clearance_is_the_minimum_over_the_whole_box(interpolation: str, spacing
 
 
 def near_flat(kind: str) -> rb.Terrain:
-    """Return cubic terrain of 5 cm cells above which many points of a box have almost equal gaps."""
+    """Return cubic terrain of 5 cm cells above which a box has many almost equal gaps."""
     j, i = np.mgrid[:80, :80]
     rng = np.random.default_rng(6)
     z = {
