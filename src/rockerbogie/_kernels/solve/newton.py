@@ -190,7 +190,7 @@ def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: floa
                     return code
                 coverage = code if code != FOUND else coverage
             worst = max(worst, abs(t[GAP]))
-        if it >= FAR_STEPS and meta[META_CUBIC] != 0.0 and worst > FAR * reach(rover):
+        if it >= FAR_STEPS and coverage == FOUND and meta[META_CUBIC] != 0.0 and worst > FAR * reach(rover):
             return FAR_AWAY
         if worst < CONVERGED_GAP:
             if whole:
