@@ -1,8 +1,7 @@
 """One wheel's tread as a surface, and the array that describes a wheel.
 
-The tread is the rim of radius r swept along the axle a over ±b. With τ the axle's tilt, e1 the horizontal direction
-in the wheel's
-plane and e3 its upward one, a point of it is
+The tread is the rim of radius r swept along the axle a over ±b. With τ the axle's tilt, e1 the horizontal direction in
+the wheel's plane and e3 its upward one, a point of it is
 
     hub + s a + u e1 - q e3,   (u, q) = r (sin φ, cos φ),  |s| ≤ b,
 

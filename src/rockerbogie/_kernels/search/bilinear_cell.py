@@ -1,8 +1,8 @@
 """The minimum of the gap of a tread over one bilinear cell.
 
 In a cell the terrain is h = c0 + c1 X + c2 Y + c3 X Y, X and Y from the hub. A minimum lies inside the cell, where a
-twisted one is
-concave along the axle; on its edges, where bilinear terrain has its ridges; or on one of the tread's rims.
+twisted one is concave along the axle; on its edges, where bilinear terrain has its ridges; or on one of the tread's
+rims.
 """
 
 from __future__ import annotations
@@ -198,11 +198,9 @@ def _rim(
 ) -> int:  # fmt: skip
     """Find the local minima of a rim over a cell.
 
-    Over u the rim's height above the terrain is convex where (e3 z) - grad h · (e3 xy) exceeds the largest effect of the
-    twist. Its
-    lower half then has one minimum over the cell's surface, and the part outside the cell is lowest where the rim
-    crosses the cell's
-    sides. Elsewhere a piece may have two minima: it is bounded and halved (`_arc`).
+    Over u the rim's height above the terrain is convex where (e3 z) - grad h · (e3 xy) exceeds the largest effect of
+    the twist. Its lower half then has one minimum over the cell's surface, and the part outside the cell is lowest
+    where the rim crosses the cell's sides. Elsewhere a piece may have two minima: it is bounded and halved (`_arc`).
 
     Args:
         w: (WHEEL_SIZE,) wheel; CELL holds the terrain.
@@ -334,7 +332,7 @@ def _arc(w: Array, s: float, low: float, high: float, lowest: Array, keep: float
         w: (WHEEL_SIZE,) wheel; CELL holds the cell's terrain.
         s: m, place of the rim along the axle.
         low, high: rad.
-        best, keep, found, count: as `keep_lower_contact` takes them.
+        lowest, keep, contacts, count: as `keep_lower_contact` takes them.
 
     Returns:
         count, with the minima kept.
@@ -396,7 +394,7 @@ def _convex_arc(
         s: m, place of the rim along the axle.
         a, b: rad, the arc.
         ga, gb: m/rad, slopes at a and b.
-        best, keep, found, count: as `keep_lower_contact` takes them.
+        lowest, keep, contacts, count: as `keep_lower_contact` takes them.
 
     Returns:
         count, with the minimum if it was kept.

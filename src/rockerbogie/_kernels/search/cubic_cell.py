@@ -399,7 +399,7 @@ def _inside(
         derivatives: (DERIVATIVES_SIZE,) bounds on the cell's derivatives (`derivative_bounds`).
         side: 1 for the tread's lower half, -1 for its upper half.
         x0, x1, y0, y1: the part, m from the hub; it lies in one cell.
-        best, keep, found, count: as `keep_lower_contact` takes them.
+        lowest, keep, contacts, count: as `keep_lower_contact` takes them.
 
     Returns:
         count, with the minima kept.
@@ -576,7 +576,7 @@ def _convex_part(
         w: (WHEEL_SIZE,) wheel.
         side: 1 for the tread's lower half, -1 for its upper half.
         xm, ym, rx, ry: middle and half sizes of the part, m from the hub.
-        best, keep, found, count: as `keep_lower_contact` takes them.
+        lowest, keep, contacts, count: as `keep_lower_contact` takes them.
 
     Returns:
         count, or -1 if Newton did not converge: the part is to be quartered.
@@ -654,7 +654,7 @@ def _keep_lower_inside(
         side: 1 for the tread's lower half, -1 for its upper half.
         u, v: m from the hub along e1 and the axle's level direction.
         h: height of the terrain there, m.
-        best, keep, found, count: as `keep_lower_contact` takes them.
+        lowest, keep, contacts, count: as `keep_lower_contact` takes them.
 
     Returns:
         count, with the point if it was kept.
@@ -678,7 +678,7 @@ def follow_smooth(grid: Array, meta: Array, w: Array, sine: float, cosine: float
         grid, meta: cubic terrain.
         w: (WHEEL_SIZE,) wheel of half width 0.
         sine, cosine: sin φ, cos φ to start from.
-        best: (PLACE_SIZE,) filled with gap, sin φ, cos φ and s = 0.
+        lowest: (CONTACT_SIZE,) filled with gap, sin φ, cos φ and s = 0.
 
     Returns:
         False if the condition does not hold or Newton does not converge: search instead.

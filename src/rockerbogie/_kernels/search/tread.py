@@ -2,8 +2,7 @@
 
 The terrain's cells under the tread are bounded row by row: the tread's lower side T is convex, so it is nowhere below
 its tangent planes, and the terrain nowhere above its `upper_bound`. A cell is searched (`bilinear_cell`,
-`cubic_cell`) only if the bound is
-below the lowest gap so far.
+`cubic_cell`) only if the bound is below the lowest gap so far.
 """
 
 from __future__ import annotations
@@ -63,8 +62,7 @@ def _bound_row(
     """Fill BOUND with lower bounds of the gap over cells of a row, within the wheel's reach.
 
     Each is the greater of two: by the tangent plane of T over the middle, and by that at the best contact so far
-    (`tangent_plane`),
-    which is tight on smooth terrain.
+    (`tangent_plane`), which is tight on smooth terrain.
 
     Args:
         upper_bound: (rows, cols) node heights of a bilinear surface above the terrain, m.
@@ -214,8 +212,7 @@ def least_gap(
     """Search the whole tread of a wheel for its smallest gap, or track a contact in its cell.
 
     A cell of missing data counts only if a point of the tread lies over its inside. The search then continues over the
-    known
-    cells, so that a solver can pass over missing data on its way.
+    known cells, so that a solver can pass over missing data on its way.
 
     Args:
         ground: terrain.

@@ -1,10 +1,8 @@
 """Verification that a tracked contact is the global minimum, on smooth cubic terrain.
 
-Along a rim the gap is convex where the terrain is less curved than the rim: there is one minimum. What remains is
-how these
-minima m(s) vary over the width. m'' lies between bounds; from an end of the width or from inside, these may show
-that m is nowhere
-lower. If they do not, the whole tread is searched.
+Along a rim the gap is convex where the terrain is less curved than the rim: there is one minimum. What remains is how
+these minima m(s) vary over the width. m'' lies between bounds; from an end of the width or from inside, these may show
+that m is nowhere lower. If they do not, the whole tread is searched.
 """
 
 from __future__ import annotations
@@ -163,8 +161,7 @@ def _is_clear(
     """Check that the minima m of the rims are nowhere below a gap over a range of s.
 
     On each piece, m plus a parabola of curvature `fall` is convex, so its tangents at both ends bound it from below; m
-    minus a parabola of
-    curvature `rise` lies above its chord.
+    minus a parabola of curvature `rise` lies above its chord.
 
     Args:
         grid, meta: cubic terrain.

@@ -13,7 +13,9 @@ from the map's datum.
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
+
+from ..jit.rows import place_rows
 
 LANES = 16  # poses in a block: a multiple of 8
 ALL = 6 * LANES  # size of a row with a number for each wheel
@@ -22,8 +24,6 @@ LINE = 8  # numbers in a cache line of the processor
 COLUMNS = 48  # columns of cells under one rim, at most
 SIDE = 48  # grid nodes under one wheel along x or y, at most
 ROOM = SIDE * SIDE
-
-Rows = TypeVar("Rows", bound=tuple[int, ...])
 
 
 class PoseRows(NamedTuple):
@@ -306,37 +306,21 @@ class SpotRows(NamedTuple):
     h: int = LANES  # height of the terrain; NaN where data is missing
 
 
-def _place(kind: type[Rows], start: int) -> tuple[Rows, int]:
-    """Place the rows of a group one after another.
+POSE, _end = place_rows(PoseRows, 0)
+WHEEL, _end = place_rows(WheelRows, _end)
+CONTACT, _common = place_rows(ContactRows, _end)
 
-    Args:
-        kind: class of the group.
-        start: start of its first row.
+CUBIC, CUBIC_SIZE = place_rows(CubicRows, _common)
 
-    Returns:
-        The group, and the number after its last row.
-    """
-    starts = [start]
-    for size in kind._field_defaults.values():  # type: ignore[attr-defined]
-        starts.append(starts[-1] + size)
-    return kind(*starts[:-1]), starts[-1]  # type: ignore[arg-type]
-
-
-POSE, _end = _place(PoseRows, 0)
-WHEEL, _end = _place(WheelRows, _end)
-CONTACT, _common = _place(ContactRows, _end)
-
-CUBIC, CUBIC_SIZE = _place(CubicRows, _common)
-
-BOUND, _end = _place(BoundRows, _common)
-RIM, _end = _place(RimRows, _end)
-COLUMN, _end = _place(ColumnRows, _end)
-CELL, _end = _place(CellRows, _end)
-PIECE, _end = _place(PieceRows, _end)
-LOWEST, _end = _place(LowestRows, _end)
-HOME, _end = _place(HomeRows, _end)
-RIM_PIECES, _end = _place(RimPieceRows, _end)
-TREAD, _end = _place(TreadRows, _end)
-NODES, _end = _place(NodeRows, _end)
-BILINEAR, _end = _place(BilinearRows, _end)
-SPOT, BILINEAR_SIZE = _place(SpotRows, _end)
+BOUND, _end = place_rows(BoundRows, _common)
+RIM, _end = place_rows(RimRows, _end)
+COLUMN, _end = place_rows(ColumnRows, _end)
+CELL, _end = place_rows(CellRows, _end)
+PIECE, _end = place_rows(PieceRows, _end)
+LOWEST, _end = place_rows(LowestRows, _end)
+HOME, _end = place_rows(HomeRows, _end)
+RIM_PIECES, _end = place_rows(RimPieceRows, _end)
+TREAD, _end = place_rows(TreadRows, _end)
+NODES, _end = place_rows(NodeRows, _end)
+BILINEAR, _end = place_rows(BilinearRows, _end)
+SPOT, BILINEAR_SIZE = place_rows(SpotRows, _end)

@@ -1,8 +1,8 @@
 """First equilibrium by quasi-static descent: an overdamped flow of the potential energy.
 
 With damping in proportion to inertia, R dq/dt = -(gradient of the height of the centre of mass), no gap negative,
-joints within their
-limits. Each step is a small quadratic program, implicit in time: any length is stable while the contacts hold.
+joints within their limits. Each step is a small quadratic program, implicit in time: any length is stable while the
+contacts hold.
 """
 
 from __future__ import annotations

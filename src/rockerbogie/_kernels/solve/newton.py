@@ -152,10 +152,8 @@ def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: floa
     """Solve for six zero gaps by Newton's method from q, each gap over the whole tread.
 
     The contact is searched again at every step. By the envelope theorem the gap's derivative is that of the contact
-    alone, and
-    convergence is quadratic. Missing data and the map's edge are passed over on the way: only the pose found must have
-    known terrain
-    under its treads.
+    alone, and convergence is quadratic. Missing data and the map's edge are passed over on the way: only the pose found
+    must have known terrain under its treads.
 
     Args:
         ground: terrain.
@@ -167,10 +165,9 @@ def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: floa
 
     Returns:
         FOUND; OFF or BLANK if a wheel had no known terrain at all under it; these plus FOUND_OVER if a pose was found
-        that has a
-        tread over the map's edge or missing data; -1 if Newton's method did not converge, LOST_OFF if a tread was over the
-        map's edge at its last step; FAR_AWAY if a wheel stays farther from cubic terrain than twice the rover's reach, as
-        beside a wall that is higher than the rover.
+        that has a tread over the map's edge or missing data; -1 if Newton's method did not converge; LOST_OFF if a
+        tread was over the map's edge at its last step; FAR_AWAY if a wheel stays farther from cubic terrain than twice
+        the rover's reach, as beside a wall that is higher than the rover.
     """
     grid, _, meta = ground
     axes, pivots, wheels, rows, step, touch = work.axes, work.pivots, work.wheels, work.rows, work.step, work.touch
@@ -264,8 +261,7 @@ def settle_contact(
     """Find a pose whose six gaps are zero, by Newton's method from a fixed sequence of starts.
 
     The first start is horizontal. If the contacts of a wheel alternate, Newton's method may cycle; the next start then
-    has another
-    attitude. The first start that leads to an upright pose over known terrain counts: the answer depends on the
+    has another attitude. The first start that leads to an upright pose over known terrain counts: the answer depends on the
     arguments alone.
 
     Args:
