@@ -17,7 +17,9 @@ MIN_PARALLEL = 512
 CHUNK_MULTIPLE = 64
 
 
-def parallel_for(kernel: Callable[..., None], count: int, *args: Any, piece: int | None = None) -> None:
+def parallel_for(
+    kernel: Callable[..., None], count: int, *args: Any, piece: int | None = None, plain: Callable[..., None] | None = None
+) -> None:
     """Run a batch kernel on items 0 to count − 1, in pieces, on several threads.
 
     Their number is numba's (see `threads`). Each item is computed by itself, so that the result is the same for any
@@ -29,8 +31,9 @@ def parallel_for(kernel: Callable[..., None], count: int, *args: Any, piece: int
         count: number of items.
         args: arguments of the kernel before the range.
         piece: number of items of a piece, for items that take long. Default: by the size of the batch.
+        plain: called in place of the kernel in plain Python; default: the kernel's own code.
     """
-    if piece is None and first_calls.run(kernel, args, count):
+    if piece is None and first_calls.run(kernel, args, count, plain):
         return
     if count <= (MIN_PARALLEL if piece is None else piece) or numba.get_num_threads() == 1:
         kernel(*args, 0, count)
