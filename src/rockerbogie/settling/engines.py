@@ -84,7 +84,7 @@ def _contact_linear(poses: Batch) -> None:
 
 
 def _leave(*args: Any) -> None:
-    """Leave every pose to the scalar engine, in place of SIMD lanes: plain Python takes 16 times as long for a block."""
+    """Leave every pose to the scalar engine: in plain Python, lanes take the time of 16."""
     status: NDArray[np.uint8] = args[STATUS]
     status[:] = batch.UNSETTLED
 
