@@ -52,13 +52,8 @@ IMPORT = re.compile(rb"^ *from (\.+)([\w.]*) import (\([^)]*\)|[^\n(]*)", re.MUL
 SETTINGS = ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "BOUNDSCHECK", "USING_SVML", "DEBUGINFO_DEFAULT", "LLVM_REFPRUNE_PASS")
 
 
-def read_sources() -> dict[Path, bytes]:
-    """Return the contents of all kernel sources by path."""
-    return {file: file.read_bytes() for file in sorted(SOURCES.rglob("[!.]*.py"))}
-
-
-#: The sources as they are imported: this module is imported before every kernel.
-IMPORTED = read_sources()
+#: Contents of all kernel sources, as they are imported: this module is imported before every kernel.
+IMPORTED = {file: file.read_bytes() for file in sorted(SOURCES.rglob("[!.]*.py"))}
 
 
 @functools.cache
@@ -77,8 +72,8 @@ def imports_of(file: Path) -> frozenset[Path]:
 
 
 @functools.cache
-def hash_of_sources(file: Path) -> str:
-    """Return the SHA-256 hash of all sources that the code of a kernel depends on, hexadecimal.
+def sources_of(file: Path) -> list[Path]:
+    """Return the kernel sources that the code of a kernel depends on.
 
     These are its own file and all that it imports, directly or not. The file of a kernel outside `_kernels` may import
     in any form: it depends on all kernel sources.
@@ -92,8 +87,18 @@ def hash_of_sources(file: Path) -> str:
         if source not in used:
             used.add(source)
             ahead.extend(imports_of(source))
+    return sorted(used)
+
+
+@functools.cache
+def hash_of_sources(file: Path) -> str:
+    """Return the SHA-256 hash of all sources that the code of a kernel depends on, hexadecimal.
+
+    Args:
+        file: source that holds the kernel.
+    """
     digest = hashlib.sha256(b"" if file in IMPORTED else file.read_bytes())
-    for source in sorted(used):
+    for source in sources_of(file):
         content = IMPORTED[source]
         digest.update(f"{source.relative_to(SOURCES).as_posix()} {len(content)}\n".encode())
         digest.update(content)
@@ -166,7 +171,8 @@ class KernelCache:
         function = dispatcher.py_func
         self._code, self._cells = function.__code__, function.__closure__ or ()
         self._name = f"{function.__module__.removeprefix('rockerbogie.')}.{function.__qualname__}".replace("<locals>", "")
-        self._sources = hash_of_sources(Path(self._code.co_filename).resolve())
+        self._file = Path(self._code.co_filename).resolve()
+        self._sources = hash_of_sources(self._file)
         self._fresh: Any = None  # reduced form of the result compiled last, to be written
         self._enabled = True
 
@@ -272,13 +278,15 @@ class KernelCache:
         return taken
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Write the result compiled last, unless a kernel source has changed since it was imported.
+        """Write the result compiled last, unless a source of it changed since its import.
 
         Args:
             sig: types of the arguments.
             data: the compile result, unused: `take` has reduced it.
         """
-        if not self._enabled or self._fresh is None or read_sources() != IMPORTED:
+        if not self._enabled or self._fresh is None:
+            return
+        if any(not file.exists() or file.read_bytes() != IMPORTED[file] for file in sources_of(self._file)):
             return
         key, folder = self._key(sig), cache_folders()[-1]
         content = dumps((key, self._fresh))
