@@ -96,10 +96,12 @@ def test_curvature_bound_along_a_rim(seed: int) -> None:
     assert cubic_cell.derivative_bounds(c, 0, 0, 4.0, 4.0, derivatives)
     for low in (rng.uniform(-1.5, 0.5), rng.uniform(1.6, 3.0)):
         high = low + rng.choice([0.01, 0.3, 1.0, 1.6])
-        _, _, _, gx, gy = cubic_cell._along(c, meta, w, low, half)
-        bound = cubic_cell._least_curvature(w, derivatives, gx, gy, low, high)
-        values = [cubic_cell._along(c, meta, w, t, half)[2] for t in np.linspace(low, high, 101)]
-        assert bound <= min(values) + 1e-12
+        ends = (math.sin(low), math.cos(low), math.sin(high), math.cos(high))
+        _, _, _, gx, gy = cubic_cell._along(c, meta, w, ends[0], ends[1], half)
+        on_arc = cubic_cell._derivatives_on_arc(c, meta, w, 0, 0, half, high - low, *ends)
+        values = [cubic_cell._along(c, meta, w, math.sin(t), math.cos(t), half)[2] for t in np.linspace(low, high, 101)]
+        for bounds in (derivatives, on_arc):
+            assert cubic_cell._least_curvature(w, bounds, gx, gy, low, high, *ends) <= min(values) + 1e-12
 
 
 @pytest.mark.nojit
