@@ -60,8 +60,8 @@ def bound_patch(
     x20, x21, x22, x23 = _polar(u0, u1, u1)
     x30, x31, x32, x33 = _polar(u1, u1, u1)
     for m in range(4):
-        row, k = grid[j + m], 4 * m
-        c0, c1, c2, c3 = row[i], row[i + 1], row[i + 2], row[i + 3]
+        row, k = j + m, 4 * m
+        c0, c1, c2, c3 = grid[row, i], grid[row, i + 1], grid[row, i + 2], grid[row, i + 3]
         patch[k] = x00 * c0 + x01 * c1 + x02 * c2 + x03 * c3
         patch[k + 1] = x10 * c0 + x11 * c1 + x12 * c2 + x13 * c3
         patch[k + 2] = x20 * c0 + x21 * c1 + x22 * c2 + x23 * c3
