@@ -97,7 +97,7 @@ def _map_seconds() -> float:
     case, half = mars_case("linear"), MAP_SIDE / 2
     side = (-half, -half, half, half)
     cells = MAP_SIDE**2 * HEADINGS / case.terrain.spacing[0] ** 2
-    return best(lambda: traversability(case.rover, case.terrain, HEADINGS, bounds=side, workers=1), 3) / cells
+    return best(lambda: traversability(case.rover, case.terrain, HEADINGS, bounds=side), 3) / cells
 
 
 def _starts() -> Iterator[tuple[str, float]]:
