@@ -41,6 +41,22 @@ def test_commands_fulfil_the_contact_rows(name, settled):
         assert (np.abs(found.side_slip[free]) <= 1e-9).mean() >= 0.95, "steered wheels do not slip sideways"
 
 
+@pytest.mark.parametrize("limit", ["wide", [1.0, 2.0], np.nan, 0.0])
+def test_a_wrong_steering_limit_is_refused(limit):
+    rover = rb.load_rover("osr")
+    pose = rb.settle(rover, rb.surfaces.plane(), 0.0, 0.0)
+    with pytest.raises(rb.RockerbogieError, match="rad"):
+        rb.wheel_commands(rover, pose, np.eye(6)[0], steering_limit=limit)
+
+
+@pytest.mark.parametrize("sigma", [0.0, -1.0, np.nan, np.ones(5)])
+def test_a_wrong_standard_deviation_is_refused(sigma):
+    rover = rb.load_rover("osr")
+    pose = rb.settle(rover, rb.surfaces.plane(), 0.0, 0.0)
+    with pytest.raises(rb.RockerbogieError, match="standard deviation"):
+        rb.body_twist(rover, pose, gyro=np.zeros(3), noise=rb.SensorNoise(gyro=sigma))
+
+
 def test_on_flat_terrain_wheels_roll_about_the_turning_centre():
     """Compare steering and rates with plane geometry."""
     rover = rb.load_rover("curiosity")

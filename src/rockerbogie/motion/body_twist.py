@@ -132,6 +132,9 @@ def body_twist(
         (at.E_PRIOR_JOINT, 3, np.zeros(3), np.asarray(prior.joint, dtype=float)[..., None]),
         (at.E_PRIOR_TILT, 2, rate, np.asarray(prior.tilt, dtype=float)[..., None]),
     ]
+    for _, size, _, sigma in parts:
+        if not (np.asarray(sigma, dtype=float) > 0).all() or np.shape(sigma)[-1:] not in ((), (1,), (size,)):
+            raise RockerbogieError(f"a standard deviation of {sigma!r:.60} is not above 0, or does not fit {size} readings")
     shape = np.broadcast_shapes(shape, *(np.broadcast_shapes(np.shape(sigma), (size,))[:-1] for _, size, _, sigma in parts))
     values, sigmas = np.empty((*shape, at.E_SIZE)), np.empty((*shape, at.E_SIZE))
     for first, size, value, sigma in parts:

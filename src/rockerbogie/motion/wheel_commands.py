@@ -75,7 +75,10 @@ def wheel_commands(
         RockerbogieError: a pose of another rover, a shape that does not fit, or a limit that is not above 0.
     """
     wanted = reading("twist", twist, 6)
-    limit = np.asarray(steering_limit, dtype=float)
+    try:
+        limit = np.broadcast_to(np.asarray(steering_limit, dtype=float), (6,))
+    except (TypeError, ValueError):
+        raise RockerbogieError(f"steering_limit is {steering_limit!r:.60}; give a number or six, rad") from None
     if not wheel_rate_limit > 0 or not (limit > 0).all():
         raise RockerbogieError(f"limits are {wheel_rate_limit} rad/s and {steering_limit!r} rad; give numbers above 0")
     limits = np.full((2, 6), np.inf)  # beyond which a wheel turns by half a turn, and of the command
