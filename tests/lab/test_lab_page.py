@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,38 +12,11 @@ import pytest
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[lab]'")
 
 import rockerbogie as rb
-from rockerbogie.lab.server import start_lab
-from support.browser import chromium, close_notes, drag, open_page, pixel_of, press, text_of, wait_for
+from support.browser import close_notes, drag, open_page, pixel_of, press, text_of, wait_for
 from support.lab_page import at_rest, check_numbers
 
 ROVER = rb.load_rover("osr")
 TERRAIN = rb.surfaces.rocks(k=0.1, seed=3, size=4.0, spacing=0.04)
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with chromium() as one:
-        yield one
-
-
-@pytest.fixture(scope="module")
-def lab() -> Iterator[Any]:
-    lab = start_lab(ROVER, TERRAIN, light=True)
-    yield lab
-    lab.stop()
-
-
-@pytest.fixture(scope="module")
-def page(browser: Any, lab: Any) -> Any:
-    page = open_page(browser, lab.url)
-    wait_for(lambda: lab.sessions, "a session")
-    return page
-
-
-@pytest.fixture
-def session(page: Any, lab: Any) -> Any:
-    close_notes(page)
-    return next(iter(lab.sessions.values()))
 
 
 def test_the_page_shows_the_settled_rover(page: Any, session: Any) -> None:

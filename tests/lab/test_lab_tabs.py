@@ -7,7 +7,6 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,38 +16,11 @@ import pytest
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[lab]'")
 
 import rockerbogie as rb
-from rockerbogie.lab.server import start_lab
-from support.browser import choose, chromium, close_notes, open_page, pixel_of, press, text_of, wait_for
+from support.browser import choose, close_notes, open_page, pixel_of, press, text_of, wait_for
 from support.lab_page import at_rest, check_numbers, visible
 
 ROVER = rb.load_rover("osr")
 TERRAIN = rb.surfaces.rocks(k=0.1, seed=3, size=4.0, spacing=0.04)
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with chromium() as one:
-        yield one
-
-
-@pytest.fixture(scope="module")
-def lab() -> Iterator[Any]:
-    lab = start_lab(ROVER, TERRAIN, light=True)
-    yield lab
-    lab.stop()
-
-
-@pytest.fixture(scope="module")
-def page(browser: Any, lab: Any) -> Any:
-    page = open_page(browser, lab.url)
-    wait_for(lambda: lab.sessions, "a session")
-    return page
-
-
-@pytest.fixture
-def session(page: Any, lab: Any) -> Any:
-    close_notes(page)
-    return next(iter(lab.sessions.values()))
 
 
 def tab(page: Any, name: str) -> None:
