@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from support.data import DATA
+
 # A first pose in plain Python differs from compiled ones in its last bits: tests that compare bits wait for the compiler.
 os.environ.setdefault("ROCKERBOGIE_WAIT_FOR_COMPILER", "1")
-DATA = Path(os.environ.get("ROCKERBOGIE_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
 
 
 @pytest.fixture(scope="session")

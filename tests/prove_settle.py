@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import rockerbogie as rb
-from conftest import DATA
 from support import oracle
+from support.data import DATA
 
 Array = NDArray[np.float64]
 
