@@ -15,7 +15,7 @@ from matplotlib.patches import Arc, Circle, Polygon
 
 import rockerbogie as rb
 from rockerbogie.figures.style import INK, LEFT, RIGHT
-from rockerbogie.rotations import rotation_y
+from rockerbogie.rover.rotations import rotation_y
 
 OUT = Path(__file__).parent / "img" / "conventions.svg"
 FAINT, FRAME, GROUND = "#c9c9c9", "#009E73", "#8a6d3b"

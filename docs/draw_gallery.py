@@ -14,7 +14,7 @@ from PIL import Image
 
 import rockerbogie as rb
 from rockerbogie.figures.render import Camera, Mesh, hidden_by
-from rockerbogie.figures.scene import draw, grid_step, picture_height, stance_mesh
+from rockerbogie.figures.scene_drawing import draw, grid_step, picture_height, stance_mesh
 from rockerbogie.figures.style import DPI, INK, LEFT, RIGHT, figure, look
 from rockerbogie.figures.terrain_block import ground_mesh
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 import rockerbogie as rb
-from rockerbogie.paper.baseline import fsolve_settle, paper_contact_angles
+from rockerbogie.bench.paper.baseline import fsolve_settle, paper_contact_angles
 
 rover = rb.load_rover("elhami-dashti")
 rng = np.random.default_rng(0)

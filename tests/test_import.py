@@ -78,6 +78,20 @@ def test_a_public_name_stays_when_its_module_is_imported_first(name: str) -> Non
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+@pytest.mark.parametrize("former", ["paper.baseline", "rotations", "scene.rover_mesh", "soil.laws"])
+def test_a_documented_module_keeps_its_former_name(former: str) -> None:
+    """A former name gives the same module as the present one, with a warning that names it."""
+    top, dot, rest = former.partition(".")
+    now = f"rockerbogie.{rb._MOVED[top]}{dot}{rest}"
+    code = (
+        f"import importlib, warnings\nwith warnings.catch_warnings(record=True) as caught:\n    warnings.simplefilter('always')\n"
+        f"    former = importlib.import_module('rockerbogie.{former}')\n"
+        f"assert former is importlib.import_module('{now}')\n"
+        f"assert 'rockerbogie.{former} has moved to {now}' in map(str, (w.message for w in caught)), caught"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
 def test_an_unknown_name_raises() -> None:
     with pytest.raises(AttributeError, match="module 'rockerbogie' has no attribute 'setle'"):
         _ = rb.setle  # type: ignore[attr-defined]

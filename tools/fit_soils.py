@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import rockerbogie as rb
-from rockerbogie.soil.fit import TERM_NAMES, WheelFit, WheelTrials, fit_slip_curve, fit_wheel_trials, trial_residuals
+from rockerbogie.terrain.soil.fit import TERM_NAMES, WheelFit, WheelTrials, fit_slip_curve, fit_wheel_trials, trial_residuals
 
 #: CMU wheel: radius, width, grouser height, m.
 CMU_WHEEL = (0.058, 0.050, 0.005)

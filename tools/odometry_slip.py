@@ -14,7 +14,7 @@ import warnings
 import numpy as np
 
 import rockerbogie as rb
-from rockerbogie.rotations import body_transform
+from rockerbogie.rover.rotations import body_transform
 
 LENGTH, START = 5.0, (-3.0, 0.0)  # m
 

@@ -5,23 +5,28 @@ All public names are here: `import rockerbogie as rb`. Each name loads its modul
 
 from __future__ import annotations
 
+import sys
+import warnings
 from importlib import import_module
+from importlib.machinery import ModuleSpec
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from ._version import __version__
-from .scene.registration import register_with_xarray
+from .figures.scene.registration import register_with_xarray
+from .files.version import __version__
 
 if TYPE_CHECKING:
-    from .compilation import Compiled as Compiled
-    from .compilation import compile_kernels as compile_kernels
-    from .dynamics.outcome import DriveEnd as DriveEnd
-    from .dynamics.predict import predict as predict
+    from .bench.compilation import Compiled as Compiled
+    from .bench.compilation import compile_kernels as compile_kernels
     from .errors import PathError as PathError
     from .errors import RockerbogieError as RockerbogieError
     from .errors import RoverError as RoverError
     from .errors import TerrainError as TerrainError
     from .errors import TerrainWarning as TerrainWarning
     from .figures import plot as plot
+    from .figures.scene.show import View as View
+    from .figures.scene.show import show as show
+    from .figures.scene.show import to_html as to_html
     from .logs.attitude_log import LogMap as LogMap
     from .logs.attitude_log import read_places as read_places
     from .logs.benchmark import MarsBenchmark as MarsBenchmark
@@ -68,6 +73,8 @@ if TYPE_CHECKING:
     from .motion.path_files import Plan as Plan
     from .motion.path_files import Route as Route
     from .motion.path_files import read_route as read_route
+    from .motion.prediction.outcome import DriveEnd as DriveEnd
+    from .motion.prediction.predict import predict as predict
     from .motion.slip import Slip as Slip
     from .motion.slip import wheel_slip as wheel_slip
     from .motion.soil_slip import SoilSlip as SoilSlip
@@ -82,7 +89,6 @@ if TYPE_CHECKING:
     from .motion.wheel_controller import WheelController as WheelController
     from .ros.costmap import CostMap as CostMap
     from .ros.costmap import CostMapChange as CostMapChange
-    from .rotations import body_transform as body_transform
     from .rover.differential import DifferentialBar as DifferentialBar
     from .rover.formats import Import as Import
     from .rover.formats import ImportResult as ImportResult
@@ -99,9 +105,7 @@ if TYPE_CHECKING:
     from .rover.frames import wheel_frames as wheel_frames
     from .rover.model import Link as Link
     from .rover.model import Rover as Rover
-    from .scene.show import View as View
-    from .scene.show import show as show
-    from .scene.show import to_html as to_html
+    from .rover.rotations import body_transform as body_transform
     from .settling.pose import GRAVITY as GRAVITY
     from .settling.pose import Contacts as Contacts
     from .settling.pose import Pose as Pose
@@ -115,20 +119,6 @@ if TYPE_CHECKING:
     from .simulation.compare import settle_along as settle_along
     from .simulation.mjcf import to_mjcf as to_mjcf
     from .simulation.simulate import simulate as simulate
-    from .soil.fit import TrialResiduals as TrialResiduals
-    from .soil.fit import WheelFit as WheelFit
-    from .soil.fit import WheelTrials as WheelTrials
-    from .soil.fit import fit_slip_curve as fit_slip_curve
-    from .soil.fit import fit_wheel_trials as fit_wheel_trials
-    from .soil.forces import ForceStatus as ForceStatus
-    from .soil.forces import WheelForces as WheelForces
-    from .soil.forces import wheel_soil_forces as wheel_soil_forces
-    from .soil.laws import Coulomb as Coulomb
-    from .soil.laws import Grousers as Grousers
-    from .soil.laws import SlipCurve as SlipCurve
-    from .soil.laws import Soil as Soil
-    from .soil.load import load_soil as load_soil
-    from .soil.load import soils as soils
     from .statics import obstacles as obstacles
     from .statics.climb import Climb as Climb
     from .statics.climb import climb as climb
@@ -142,6 +132,20 @@ if TYPE_CHECKING:
     from .statics.stability import stability as stability
     from .terrain import surfaces as surfaces
     from .terrain.heightfield import Terrain as Terrain
+    from .terrain.soil.fit import TrialResiduals as TrialResiduals
+    from .terrain.soil.fit import WheelFit as WheelFit
+    from .terrain.soil.fit import WheelTrials as WheelTrials
+    from .terrain.soil.fit import fit_slip_curve as fit_slip_curve
+    from .terrain.soil.fit import fit_wheel_trials as fit_wheel_trials
+    from .terrain.soil.forces import ForceStatus as ForceStatus
+    from .terrain.soil.forces import WheelForces as WheelForces
+    from .terrain.soil.forces import wheel_soil_forces as wheel_soil_forces
+    from .terrain.soil.laws import Coulomb as Coulomb
+    from .terrain.soil.laws import Grousers as Grousers
+    from .terrain.soil.laws import SlipCurve as SlipCurve
+    from .terrain.soil.laws import Soil as Soil
+    from .terrain.soil.load import load_soil as load_soil
+    from .terrain.soil.load import soils as soils
 
 #: Public name -> module.
 _EXPORTS = {
@@ -165,7 +169,7 @@ _EXPORTS = {
     "differential_system": "rover.formats",
     "wheel_frames": "rover.frames",
     "contact_frames": "rover.frames",
-    "body_transform": "rotations",
+    "body_transform": "rover.rotations",
     "dh_table": "rover.frames",
     "DHRow": "rover.frames",
     "Terrain": "terrain.heightfield",
@@ -179,20 +183,20 @@ _EXPORTS = {
     "verify": "settling.verification",
     "Verification": "settling.verification",
     "GRAVITY": "settling.pose",
-    "soils": "soil.load",
-    "load_soil": "soil.load",
-    "Soil": "soil.laws",
-    "wheel_soil_forces": "soil.forces",
-    "WheelForces": "soil.forces",
-    "ForceStatus": "soil.forces",
-    "Grousers": "soil.laws",
-    "Coulomb": "soil.laws",
-    "SlipCurve": "soil.laws",
-    "fit_wheel_trials": "soil.fit",
-    "fit_slip_curve": "soil.fit",
-    "WheelTrials": "soil.fit",
-    "WheelFit": "soil.fit",
-    "TrialResiduals": "soil.fit",
+    "soils": "terrain.soil.load",
+    "load_soil": "terrain.soil.load",
+    "Soil": "terrain.soil.laws",
+    "wheel_soil_forces": "terrain.soil.forces",
+    "WheelForces": "terrain.soil.forces",
+    "ForceStatus": "terrain.soil.forces",
+    "Grousers": "terrain.soil.laws",
+    "Coulomb": "terrain.soil.laws",
+    "SlipCurve": "terrain.soil.laws",
+    "fit_wheel_trials": "terrain.soil.fit",
+    "fit_slip_curve": "terrain.soil.fit",
+    "WheelTrials": "terrain.soil.fit",
+    "WheelFit": "terrain.soil.fit",
+    "TrialResiduals": "terrain.soil.fit",
     "CostMap": "ros.costmap",
     "CostMapChange": "ros.costmap",
     "LoadStatus": "statics.loads",
@@ -230,8 +234,8 @@ _EXPORTS = {
     "drive": "motion.drive",
     "ackermann": "motion.drive",
     "to_csv": "motion.drive",
-    "predict": "dynamics.predict",
-    "DriveEnd": "dynamics.outcome",
+    "predict": "motion.prediction.predict",
+    "DriveEnd": "motion.prediction.outcome",
     "odometry": "logs.odometry",
     "flat_odometry": "logs.odometry",
     "SlopeSlip": "logs.odometry",
@@ -270,13 +274,36 @@ _EXPORTS = {
     "Route": "motion.path_files",
     "Plan": "motion.path_files",
     "read_route": "motion.path_files",
-    "show": "scene.show",
-    "to_html": "scene.show",
-    "View": "scene.show",
-    "compile_kernels": "compilation",
-    "Compiled": "compilation",
+    "show": "figures.scene.show",
+    "to_html": "figures.scene.show",
+    "View": "figures.scene.show",
+    "compile_kernels": "bench.compilation",
+    "Compiled": "bench.compilation",
 }
 
+#: Former name of a documented module -> its name.
+_MOVED = {"paper": "bench.paper", "rotations": "rover.rotations", "scene": "figures.scene", "soil": "terrain.soil"}
+
+
+class _MovedModules:
+    """Finder and loader that give a module under its former name, with a DeprecationWarning."""
+
+    def find_spec(self, name: str, path: object = None, target: ModuleType | None = None) -> ModuleSpec | None:
+        package, _, module = name.partition(".")
+        moved = package == __name__ and module.partition(".")[0] in _MOVED
+        return ModuleSpec(name, self) if moved else None  # type: ignore[arg-type]
+
+    def create_module(self, spec: ModuleSpec) -> None:
+        """Return None: the import system makes an empty module, which `exec_module` replaces."""
+
+    def exec_module(self, module: ModuleType) -> None:
+        former, dot, rest = module.__name__.removeprefix(f"{__name__}.").partition(".")
+        name = f"{__name__}.{_MOVED[former]}{dot}{rest}"
+        warnings.warn(f"{module.__name__} has moved to {name}", DeprecationWarning, stacklevel=2)
+        sys.modules[module.__name__] = import_module(name)
+
+
+sys.meta_path.insert(0, _MovedModules())
 register_with_xarray()
 
 __all__ = ["__version__", *_EXPORTS]  # noqa: PLE0604

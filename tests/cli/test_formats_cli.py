@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 import rockerbogie as rb
-from rockerbogie import rotations
 from rockerbogie.cli import main
+from rockerbogie.rover import rotations
 from rockerbogie.rover.formats import presets
 from support import foreign
 

@@ -14,8 +14,8 @@ from test_cli import complaint
 
 import rockerbogie as rb
 from rockerbogie.cli import COMMANDS, main
+from rockerbogie.files.outputs import check_outputs, is_ours, sidecars
 from rockerbogie.motion.drive import to_csv
-from rockerbogie.outputs import check_outputs, is_ours, sidecars
 
 rasterio = pytest.importorskip("rasterio", reason="needs the geo extra")
 pytest.importorskip("zarr", reason="needs the scale extra")

@@ -10,7 +10,7 @@ import rockerbogie as rb
 from rockerbogie.figures.charts import run_map, run_profile, steepest_of, tilt_of, worst_of
 from rockerbogie.figures.closeup import pose_figure
 from rockerbogie.figures.render import Camera, Mesh, hidden_by, render
-from rockerbogie.figures.scene import grid_step, rover_mesh
+from rockerbogie.figures.scene_drawing import grid_step, rover_mesh
 from rockerbogie.figures.terrain_block import ground_mesh
 from support.helpers import assert_close, paper_rover
 

@@ -14,7 +14,7 @@ from matplotlib.image import imread
 from PIL import Image
 
 import rockerbogie as rb
-from rockerbogie.outputs import is_ours
+from rockerbogie.files.outputs import is_ours
 
 
 @pytest.fixture(scope="module")

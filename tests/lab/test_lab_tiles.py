@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 import rockerbogie as rb
+from rockerbogie.figures.scene.colours import Legend
 from rockerbogie.lab.terrain_view import COARSE, MOST_FINE, TILE, legend_html, near_tiles, tiles_of
-from rockerbogie.scene.colours import Legend
 
 
 def test_tiles_cover_the_map_once_and_end_on_nodes() -> None:

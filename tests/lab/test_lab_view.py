@@ -8,8 +8,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import rockerbogie as rb
+from rockerbogie.figures.scene.rover_mesh import LINKS, link_transforms
 from rockerbogie.lab.rover_view import CARRIED_BY, RoverView
-from rockerbogie.scene.rover_mesh import LINKS, link_transforms
 
 
 class Node:

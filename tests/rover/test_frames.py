@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import rockerbogie as rb
-from rockerbogie.rotations import rotation_x, rotation_y, rotation_z
 from rockerbogie.rover.frames import DHRow
+from rockerbogie.rover.rotations import rotation_x, rotation_y, rotation_z
 from support.helpers import assert_close, paper_rover, random_rover
 
 # Table I, metres and radians: the paper gives centimetres and degrees.

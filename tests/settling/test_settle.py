@@ -13,7 +13,7 @@ import pytest
 
 import rockerbogie as rb
 from prove_settle import TOLERANCE, TOUCHING, draw, grounds, prove
-from rockerbogie.rotations import body_transform
+from rockerbogie.rover.rotations import body_transform
 from support import oracle
 from support.helpers import assert_close, paper_rover
 from support.strategies import BATCH_SHAPES

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 import rockerbogie as rb
-from rockerbogie.rotations import rotation_y
+from rockerbogie.rover.rotations import rotation_y
 
 Array = NDArray[np.float64]
 SIDE = np.array([0, 1, 0, 1, 0, 1])

@@ -1,4 +1,4 @@
-"""Folder of the shared data files: real terrain, telemetry and trials, which the project does not contain."""
+"""Folder of the shared data files (terrain, telemetry, trials), kept outside the project."""
 
 from __future__ import annotations
 

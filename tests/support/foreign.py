@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import rockerbogie as rb
-from rockerbogie.rotations import rotation_x, rotation_y, rotation_z
+from rockerbogie.rover.rotations import rotation_x, rotation_y, rotation_z
 
 Array = NDArray[np.float64]
 Made = tuple[str, dict[str, str]]

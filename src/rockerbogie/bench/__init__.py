@@ -167,7 +167,7 @@ def machine() -> dict[str, object]:
     """
     from importlib.metadata import version
 
-    from .._version import __version__
+    from ..files.version import __version__
 
     return {
         "version": __version__, "machine": platform.machine(), "cores": os.cpu_count(), "python": platform.python_version(),

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._kernels.jit.parallel import threads
-from ..paper.baseline import RIM_POINTS, Contact, fsolve_settle
 from ..rover.formats import to_urdf
 from ..rover.model import Rover
 from ..simulation.height_field import add_terrain, default_cell
@@ -19,6 +18,7 @@ from ..simulation.mjcf import add_mechanism, empty_spec
 from ..terrain.heightfield import Terrain
 from .cases import Case
 from .clock import each
+from .paper.baseline import RIM_POINTS, Contact, fsolve_settle
 
 Array = NDArray[np.float64]
 NAN = float("nan")

@@ -13,7 +13,7 @@ from rich.table import Table
 from .. import bench as stopwatch
 from ..bench.tables import tables
 from ..errors import RockerbogieError
-from ..outputs import SOURCE
+from ..files.outputs import SOURCE
 from .common import Force, Json, guard_outputs, make_folder, print_json, progress
 from .rasters import Raster, load_terrain
 

@@ -13,13 +13,13 @@ from rich.markup import escape
 from rich.table import Table
 
 from ..errors import RockerbogieError
+from ..files.tables import read_columns
 from ..rover.formats import load_rover
 from ..statics import obstacles
 from ..statics.climb import REASONS, Climb, ClimbLaw
 from ..statics.climb import climb as climb_over
 from ..statics.climb_limits import ClimbLimits, limits_of
 from ..statics.obstacles import Profile
-from ..tables import read_columns
 from .common import Force, Json, guard_outputs, make_folder, parse_gravity, print_json, progress
 from .pictures import Film, Html, checked_page, write_page
 

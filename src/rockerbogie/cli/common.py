@@ -16,9 +16,9 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from .._version import __version__
 from ..errors import RockerbogieError
-from ..outputs import check_outputs, remove_sidecars
+from ..files.outputs import check_outputs, remove_sidecars
+from ..files.version import __version__
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -129,7 +129,7 @@ def guard_outputs(outputs: Iterable[Path], *inputs: str | Path | None, force: bo
         force: allow files of other programs to be replaced.
 
     Raises:
-        RockerbogieError: as `rockerbogie.outputs.check_outputs`.
+        RockerbogieError: as `rockerbogie.files.outputs.check_outputs`.
     """
     check_outputs(outputs, [file for name in inputs if name is not None for file in _files_of(str(name))], force=force)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..compilation import compile_kernels
+from ..bench.compilation import compile_kernels
 from .common import Json, print_json, progress
 
 

@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from rich.progress import Progress, TaskID
 
 from ..errors import PathError, RockerbogieError
+from ..files.vectors import is_vector
 from ..logs.bag import require_rosbags
 from ..motion.drive import drive as drive_rover
 from ..motion.drive import to_csv
@@ -23,7 +24,6 @@ from ..settling.status import MEANING, Status
 from ..simulation.compare import compare, settle_along
 from ..simulation.simulate import simulate_plan
 from ..terrain.heightfield import Terrain
-from ..vectors import is_vector
 from .common import (
     Folder,
     Force,
@@ -250,7 +250,7 @@ def simulate(
     comparison = compare(beside, sim)
     files = _write_run(machine, ground, sim, output, "simulation", drawn)
     if output is not None:
-        from ..paper.figures import angles_figure, figures_7_to_9
+        from ..bench.paper.figures import angles_figure, figures_7_to_9
 
         curves = figures_7_to_9(machine)
         for name, figure in (("attitude", "figure7"), ("joints", "figure8")):

@@ -87,7 +87,7 @@ def checked_page(html: Path | None) -> list[Path]:
     """
     if html is None:
         return []
-    from ..scene.show import check_page
+    from ..figures.scene.show import check_page
 
     return [check_page(html)]
 
@@ -105,6 +105,6 @@ def write_page(subject: Pose | Climb | xr.Dataset, html: Path | None, force: boo
     """
     if html is None:
         return []
-    from ..scene.show import to_html
+    from ..figures.scene.show import to_html
 
     return [to_html(subject, html, force=force)]

@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from rich.console import Console
 
 from ..errors import RockerbogieError
+from ..files.vectors import require_vectors
 from ..maps.files import check_place, read_map, write_map
 from ..maps.plan import USUAL_SPEED, reachability
 from ..maps.plan import plan as plan_route
@@ -19,7 +20,6 @@ from ..motion.path_files import Route
 from ..motion.route_package import read_line
 from ..motion.soil_slip import SoilSlip
 from ..rover.formats import load_rover
-from ..vectors import require_vectors
 from .common import Force, Json, guard_outputs, make_folder, print_json, progress
 from .rasters import Raster, RasterOptions, raster_or_surface
 

@@ -13,9 +13,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from ..dynamics.predict import predict as predict_drive
 from ..errors import RockerbogieError
 from ..motion.drive import to_csv
+from ..motion.prediction.predict import predict as predict_drive
 from ..rover.formats import load_rover
 from ..rover.model import Rover
 from ..terrain.heightfield import Terrain

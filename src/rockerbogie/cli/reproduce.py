@@ -11,9 +11,9 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from ..paper.report import ErrorRow
-from ..paper.reproduce import OUTPUTS, ROVER
-from ..paper.reproduce import reproduce as reproduce_paper
+from ..bench.paper.report import ErrorRow
+from ..bench.paper.reproduce import OUTPUTS, ROVER
+from ..bench.paper.reproduce import reproduce as reproduce_paper
 from ..rover.formats import load_rover
 from .common import Force, Json, RoverName, guard_outputs, in_folder, make_folder, print_json, progress
 

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ..errors import RockerbogieError
-from ..outputs import SOURCE
+from ..files.outputs import SOURCE
 from ..rover.formats import LABELS, import_rover, load_rover, presets, read_details, schema, to_toml
 from ..rover.frames import DHRow, dh_table
 from ..rover.model import IDEAL_DIFFERENTIAL, Rover

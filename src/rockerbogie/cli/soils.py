@@ -14,9 +14,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from ..errors import RockerbogieError
-from ..soil.forces import ForceStatus, wheel_soil_forces
-from ..soil.laws import Soil
-from ..soil.load import load_soil, soils
+from ..terrain.soil.forces import ForceStatus, wheel_soil_forces
+from ..terrain.soil.laws import Soil
+from ..terrain.soil.load import load_soil, soils
 from .common import Force, Json, guard_outputs, make_folder, parse_gravity, print_json
 
 #: Slips of the table.

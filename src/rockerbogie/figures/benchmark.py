@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from ..files.outputs import SOURCE
 from ..logs.benchmark import ENTERED, PACKAGE, PLANE, SETS, MarsBenchmark
-from ..outputs import SOURCE
 from .style import INK, LEFT, RIGHT, figure, look
 
 if TYPE_CHECKING:

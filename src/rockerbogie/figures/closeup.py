@@ -11,12 +11,12 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from ..rover.model import Rover
-from ..scene.terrain_mesh import block_base
 from ..settling.status import MEANING, Status
 from ..terrain.heightfield import Terrain
 from .charts import tilt_of
 from .render import Camera, Mesh, hidden_by
-from .scene import Bounds, draw, grid_step, rule_block, stance_mesh
+from .scene.terrain_mesh import block_base
+from .scene_drawing import Bounds, draw, grid_step, rule_block, stance_mesh
 from .style import INK, LEFT, RIGHT, figure, look
 from .terrain_block import ground_mesh, sample_ground
 

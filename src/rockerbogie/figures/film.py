@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ..errors import RockerbogieError, require
-from ..outputs import SOURCE
+from ..files.outputs import SOURCE
 from ..rover.model import Rover
-from ..scene.terrain_mesh import block_base
 from ..settling.pose import Pose
 from ..terrain.heightfield import Terrain
 from .closeup import patch_around
 from .render import Camera, Mesh, render
-from .scene import Bounds, grid_step, picture_height, stance_mesh, sunlit, trail_mesh
+from .scene.terrain_mesh import block_base
+from .scene_drawing import Bounds, grid_step, picture_height, stance_mesh, sunlit, trail_mesh
 from .style import COLOURS, LEFT, RIGHT, figure, look
 from .terrain_block import ground_mesh, sample_ground
 from .theme import Theme, check_theme, darken, on_dark

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import RockerbogieError, expect
-from ..outputs import check_outputs
+from ..files.outputs import check_outputs
 from ..rover.model import LOAD_ROVER, Rover
-from ..scene.subject import scene_of
 from ..terrain.heightfield import Terrain
+from .scene.subject import scene_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -173,7 +173,7 @@ def terrain(
     Returns:
         The figure.
     """
-    from .scene import terrain_figure
+    from .scene_drawing import terrain_figure
 
     expect(terrain, Terrain, "terrain", "make one with rockerbogie.Terrain.from_array, from_raster or rockerbogie.surfaces")
     part = terrain.bounds if bounds is None else _bounds(terrain, bounds)

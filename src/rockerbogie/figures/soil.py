@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..soil.forces import wheel_soil_forces
-from ..soil.laws import Grousers, WheelLaw
+from ..terrain.soil.forces import wheel_soil_forces
+from ..terrain.soil.laws import Grousers, WheelLaw
 from .style import figure, look
 
 #: Slips of the curves.

@@ -8,7 +8,7 @@ from typing import Any
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from ..outputs import SOURCE, remove_sidecars
+from ..files.outputs import SOURCE, remove_sidecars
 from .theme import Theme, darken
 
 # Palette of Okabe and Ito; left is always blue, right always vermilion.

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import Array
-from ..scene.terrain_mesh import CUT, SOIL, block_base
 from ..terrain.heightfield import Terrain
 from .render import Mesh
+from .scene.terrain_mesh import CUT, SOIL, block_base
 
 CELLS = 260  # along the longer side
 

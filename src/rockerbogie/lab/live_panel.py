@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from ..arrays import Array
-from ..rotations import wrap_angle
+from ..rover.rotations import wrap_angle
 from ..settling.pose import Pose
 from .style import note_html
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import RockerbogieError
-from ..rotations import wrap_angle
 from ..rover.model import Rover
+from ..rover.rotations import wrap_angle
 from ..settling.pose import Pose
 from ..simulation.compare import settle_along
 from ..terrain.heightfield import Terrain

@@ -9,10 +9,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..arrays import Array
-from ..rotations import body_transform
+from ..figures.scene.rover_mesh import LINKS, link_transforms, rover_parts
 from ..rover.frames import ON_BOGIE, WHEEL_SIDE
 from ..rover.model import Rover
-from ..scene.rover_mesh import LINKS, link_transforms, rover_parts
+from ..rover.rotations import body_transform
 
 if TYPE_CHECKING:
     import viser

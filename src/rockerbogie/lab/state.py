@@ -9,8 +9,8 @@ import numpy as np
 
 from ..arrays import Array
 from ..maps.limits import PRESETS, Limits
-from ..rotations import wrap_angle
 from ..rover.model import Rover
+from ..rover.rotations import wrap_angle
 from ..settling.engines import Mode
 from ..settling.pose import GRAVITY, Pose
 from ..settling.settle import settle

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..arrays import Array
-from ..scene.colours import Legend
-from ..scene.terrain_mesh import (
+from ..figures.scene.colours import Legend
+from ..figures.scene.terrain_mesh import (
     MODES,
     TRIANGLES,
     TerrainMesh,

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..errors import RockerbogieError, unknown_name
-from ..rotations import euler_angles
+from ..files.tables import UNITS, Table, find_unit, read_columns
 from ..rover.model import Rover
-from ..tables import UNITS, Table, find_unit, read_columns
+from ..rover.rotations import euler_angles
 from .sensor_checks import NED
 
 if TYPE_CHECKING:

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._version import __version__
 from ..arrays import Array
 from ..errors import RockerbogieError, unknown_name
+from ..files.tables import Table, read_columns
+from ..files.version import __version__
 from ..rover.formats import load_rover
 from ..rover.model import Rover
 from ..settling.uncertainty import interval_score, stands
-from ..tables import Table, read_columns
 from ..terrain.heightfield import Terrain
 from .attitude_log import read_places
 from .validate import CHANNELS, validate

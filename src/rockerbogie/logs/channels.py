@@ -11,8 +11,8 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import RockerbogieError
+from ..files.tables import UNITS, find_unit
 from ..rover.model import Rover
-from ..tables import UNITS, find_unit
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.special import expit, logit, ndtr
 
-from .._version import __version__
 from ..arrays import Array
 from ..errors import RockerbogieError, expect
+from ..files.version import __version__
 from ..rover.model import LOAD_ROVER, Rover
 from ..settling.settle import settle
 from ..terrain.heightfield import Terrain

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import RockerbogieError
-from ..rotations import body_transform
+from ..rover.rotations import body_transform
 from .channels import LogReport
 from .counters import replace_wild
 from .sensor_checks import (

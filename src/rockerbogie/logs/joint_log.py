@@ -10,8 +10,8 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import RockerbogieError
+from ..files.tables import read_columns
 from ..rover.model import Rover
-from ..tables import read_columns
 from .channels import ATTITUDE, AXES, LOG_VARIABLES, LogReport, check_angles, column_names, labels_of
 from .counters import continuous_angle, replace_wild
 from .imu import fit_imu

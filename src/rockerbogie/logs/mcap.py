@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RockerbogieError, expect
-from ..outputs import SOURCE, check_outputs
-from ..rotations import body_transform
+from ..files.outputs import SOURCE, check_outputs
 from ..rover.formats import to_urdf
 from ..rover.formats.export_tree import tree_of
 from ..rover.model import LOAD_ROVER, Rover
+from ..rover.rotations import body_transform
 from .bag import IMU, JOINT_STATE, ODOMETRY, require_rosbags
 from .channels import ATTITUDE, seconds_of
 

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from .._kernels.odometry import layout as at
 from ..arrays import Array
 from ..errors import RockerbogieError, expect
-from ..rotations import euler_angles
 from ..rover.model import LOAD_ROVER, Rover
+from ..rover.rotations import euler_angles
 from .channels import LogReport
 from .odometry import SlopeSlip
 from .readings import Readings

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ..arrays import Array
-from ..rotations import body_transform, euler_angles
 from ..rover.model import Rover
+from ..rover.rotations import body_transform, euler_angles
 
 #: Wheels and steering disagree if what they leave over exceeds this share of the speed (RMS).
 MOST_RESIDUAL = 0.25

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import expit, logit
 
-from .._version import __version__
 from ..arrays import Array
 from ..errors import RockerbogieError, expect
+from ..files.version import __version__
 from ..motion.soil_slip import SoilSlip
 from ..rover.model import LOAD_ROVER, Rover
 from ..terrain.heightfield import Terrain

@@ -10,8 +10,8 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import RockerbogieError, expect
+from ..files.tables import Table, read_columns
 from ..rover.model import LOAD_ROVER, Rover
-from ..tables import Table, read_columns
 from .attitude_log import LARGEST, known_log, read_places
 
 if TYPE_CHECKING:

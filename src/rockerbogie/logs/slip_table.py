@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._version import __version__
 from ..errors import RockerbogieError
+from ..files.version import __version__
 from ..motion.soil_slip import SoilSlip
 from .slip_fit import SoilFit
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import RockerbogieError
+from ..files.tables import Table, find_unit
 from ..rover.model import Rover
-from ..tables import Table, find_unit
 from .channels import ATTITUDE, AXES, LOG_VARIABLES, LogReport, arrange_log, clock_of, column_names
 from .counters import replace_wild
 from .imu import CLOCK_SLACK, Imu

@@ -8,9 +8,9 @@ from .._kernels.statics import loads as kernel
 from .._kernels.statics.lane_tipping import MARGIN
 from .._kernels.statics.mechanism import BELLY
 from ..arrays import Array
-from ..rotations import body_transform, euler_angles
 from ..rover.frames import contact_frames, wheel_frames
 from ..rover.model import Rover
+from ..rover.rotations import body_transform, euler_angles
 from ..statics.stability import GRIP
 
 NO_BELLY = np.full((1, BELLY, 3), np.nan)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..rotations import euler_angles
 from ..rover.model import Rover
+from ..rover.rotations import euler_angles
 from .readings import Readings
 from .steps import IntervalMotion, continue_track, new_track, pose_of, track_noise
 

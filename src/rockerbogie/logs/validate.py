@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._version import __version__
 from ..errors import RockerbogieError, expect
+from ..files.version import __version__
 from ..rover.model import LOAD_ROVER, Rover
 from ..settling.settle import settle
 from ..settling.status import Status

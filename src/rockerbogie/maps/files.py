@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import RockerbogieError, expect, require
-from ..outputs import check_outputs, remove_sidecars
+from ..files.outputs import check_outputs, remove_sidecars
 from .geotiff import FIRST, Progress, read_geotiff, write_geotiff
 from .grid import ordered, pieces
 from .layers import LAYERS, REACH

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..rotations import wrap_angle
 from ..rover.model import Rover
+from ..rover.rotations import wrap_angle
 
 Array = NDArray[np.float64]
 #: A state relative to another: index of the heading, cells to the east (x), cells to the north (y).

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RockerbogieError, require
-from ..vectors import Features, is_vector, read_features
+from ..files.vectors import Features, is_vector, read_features
 from .grid import cell_size, crs_of, transform
 
 if TYPE_CHECKING:

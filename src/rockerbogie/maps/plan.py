@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from ..errors import PathError, RockerbogieError, RoverError, expect
 from ..motion.path_files import Route
-from ..rotations import wrap_angle
 from ..rover.formats import load_rover
 from ..rover.model import LOAD_ROVER, Rover
+from ..rover.rotations import wrap_angle
 from .files import read_map
 from .grid import cell_size, crs_of
 from .layers import REACH

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._version import __version__
 from ..errors import RockerbogieError, require
+from ..files.version import __version__
 from .cells import TILE, Tile
 from .ground import Ground
 from .layers import LAYERS, chosen_layers, kind_of

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 from xml.sax.saxutils import quoteattr
 
-from ..outputs import SOURCE
+from ..files.outputs import SOURCE
 from .geotiff import FIRST, bands
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._kernels.jit.uncompiled import compile_first
-from .._version import __version__
 from ..errors import RockerbogieError, expect
+from ..files.version import __version__
 from ..rover.model import LOAD_ROVER, Rover
 from ..settling.pose import GRAVITY, checked_gravity
 from ..settling.settle import Mode

@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._version import __version__
 from ..arrays import Array
 from ..errors import PathError, RockerbogieError, expect
-from ..rotations import wrap_angle
+from ..files.tables import write_columns
+from ..files.version import __version__
 from ..rover.model import LOAD_ROVER, Rover
+from ..rover.rotations import wrap_angle
 from ..settling.dataset import EQUILIBRIUM_VARIABLES, VARIABLES, run_dataset
 from ..settling.engines import Mode
 from ..settling.pose import GRAVITY, Pose
 from ..settling.settle import check_mode, settle
 from ..settling.status import Status
 from ..statics.stability import load_values
-from ..tables import write_columns
 from ..terrain.heightfield import Terrain
 from .jacobian import contact_rows, reading, solve_each
 from .path import Path, PathSample

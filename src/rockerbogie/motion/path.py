@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array
 from ..errors import PathError
-from ..rotations import wrap_angle
+from ..rover.rotations import wrap_angle
 
 #: A corner sharper than this is a reversal, which no arc can round.
 SHARPEST_CORNER = np.deg2rad(175.0)

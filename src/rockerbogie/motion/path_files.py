@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..errors import PathError, RockerbogieError
-from ..outputs import SOURCE, check_outputs
-from ..tables import read_columns
-from ..vectors import is_vector
+from ..files.outputs import SOURCE, check_outputs
+from ..files.tables import read_columns
+from ..files.vectors import is_vector
 from .path import Path
 
 #: Share of a leg over which a turn on the spot is spread in a `Path`, which turns only while it moves.

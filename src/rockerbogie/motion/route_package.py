@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..errors import PathError
-from ..outputs import SOURCE, check_outputs
-from ..rotations import wrap_angle
-from ..vectors import layers_of, read_features, require_vectors, write_features
+from ..files.outputs import SOURCE, check_outputs
+from ..files.vectors import layers_of, read_features, require_vectors, write_features
+from ..rover.rotations import wrap_angle
 
 #: Layers: a line to each goal, a line for each straight stretch, the poses as points.
 ROUTE, LEGS, POSES = "route", "legs", "poses"

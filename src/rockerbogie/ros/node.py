@@ -25,12 +25,12 @@ from std_msgs.msg import String
 
 from .._kernels.jit.uncompiled import compile_first
 from ..errors import RockerbogieError
+from ..files.outputs import SOURCE, check_outputs
 from ..logs.odometry_filter import Estimate, OdometryFilter
 from ..logs.sensor_checks import NED
-from ..outputs import SOURCE, check_outputs
-from ..rotations import body_transform
 from ..rover.formats import load_rover, to_urdf
 from ..rover.model import Rover
+from ..rover.rotations import body_transform
 from . import messages
 from .command_part import CommandPart
 from .costmap_part import CostMapPart

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from .._version import __version__
-from ..outputs import check_outputs
+from ..files.outputs import check_outputs
+from ..files.version import __version__
 from ..rover.formats import to_toml
 from ..rover.model import Rover
 from .parameters import PARAMETERS

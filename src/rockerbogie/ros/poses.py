@@ -18,8 +18,8 @@ from sensor_msgs.msg import JointState
 from ..arrays import Array
 from ..errors import RockerbogieError
 from ..logs.channels import SIDES
-from ..rotations import quaternion_angles
 from ..rover.model import Rover
+from ..rover.rotations import quaternion_angles
 from .joints import JointReader
 from .messages import seconds
 

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, once, spanned
 from ..errors import RockerbogieError, expect
-from ..rotations import rotation_y, rotation_z
 from .model import LOAD_ROVER, Rover
+from .rotations import rotation_y, rotation_z
 
 #: Steered poses that are checked at once, so that temporaries stay small.
 RUN = 4096

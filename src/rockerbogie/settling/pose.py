@@ -15,9 +15,9 @@ from .._kernels.jit.parallel import parallel_for
 from .._kernels.solve.forces import R_BELLY, R_FORCE, R_LIFTED
 from ..arrays import Array, flat, flat_steering
 from ..errors import RockerbogieError
-from ..rotations import body_transform
 from ..rover.frames import contact_frames, wheel_frames
 from ..rover.model import Rover
+from ..rover.rotations import body_transform
 from ..terrain.heightfield import Terrain
 from .status import MEANING, Status
 

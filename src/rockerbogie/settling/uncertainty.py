@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array
-from ..rotations import wrap_angle
 from ..rover.model import Rover
+from ..rover.rotations import wrap_angle
 from ..terrain.heightfield import Terrain
 from ..terrain.roughness import Roughness, correlated_error, draw_ground, wave_numbers
 from .settle import settle

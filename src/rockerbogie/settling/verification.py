@@ -13,8 +13,8 @@ from .._kernels.model.ground import META_X, META_Y, META_Z
 from .._kernels.verify import gap, patch
 from ..arrays import Array, pieces
 from ..errors import RockerbogieError, expect
-from ..rotations import body_transform
 from ..rover.frames import wheel_frames
+from ..rover.rotations import body_transform
 from .pose import Pose
 
 CHUNK = 1 << 14  # poses verified at once: bounds the memory for their frames

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._version import __version__
 from ..errors import RockerbogieError
+from ..files.version import __version__
 from ..motion.drive import summary
-from ..rotations import wrap_angle
 from ..rover.model import Rover
+from ..rover.rotations import wrap_angle
 from ..settling.dataset import SCENE, VARIABLES, run_dataset
 from ..settling.pose import Pose
 from ..settling.settle import settle

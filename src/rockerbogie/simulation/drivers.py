@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ..motion.command_table import read_commands
 from ..motion.drive import ackermann
 from ..motion.path import Path
-from ..rotations import wrap_angle
 from ..rover.model import Rover
+from ..rover.rotations import wrap_angle
 from .motors import GRAVITY
 from .rigid_body import Rig
 

@@ -12,9 +12,9 @@ from ..motion.body_twist import body_twist
 from ..motion.drive import summary
 from ..motion.jacobian import SimpleStance
 from ..motion.slip import slip_ratio
-from ..rotations import euler_angles
 from ..rover.frames import wheel_frames
 from ..rover.model import Rover
+from ..rover.rotations import euler_angles
 from ..settling.dataset import TWIST_VARIABLES, VARIABLES, run_dataset
 from ..settling.pose import Pose
 from ..settling.status import Status

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RockerbogieError
-from ..rotations import quaternion_angles
 from ..rover.model import Rover
+from ..rover.rotations import quaternion_angles
 from ..settling.pose import Pose
 from .mjcf import SIDES
 from .motors import limited_angles

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._version import __version__
 from ..errors import PathError, RockerbogieError, expect
+from ..files.version import __version__
 from ..motion.drive import ackermann, drive
 from ..motion.path import Path
 from ..rover.model import LOAD_ROVER, Rover

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from .._version import __version__
 from ..errors import RockerbogieError, expect
+from ..files.version import __version__
 from ..rover.model import LOAD_ROVER, Rover
 from ..settling.pose import GRAVITY, checked_gravity
 from .hub_curve import ARC

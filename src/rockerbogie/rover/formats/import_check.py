@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from ...arrays import Array
-from ...rotations import body_transform
 from ..frames import wheel_frames
 from ..model import Rover
+from ..rotations import body_transform
 from .import_roles import Roles
 from .tree import Tree
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ..._version import __version__
 from ...arrays import Array
 from ...errors import RoverError, require
+from ...files.version import __version__
 from ..model import Rover
 from .export_tree import tree_of
 from .tree import Joint, Part

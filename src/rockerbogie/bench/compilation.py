@@ -1,0 +1,117 @@
+"""Compilation of all kernels in advance, by calls of the public functions on small inputs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from .._kernels.jit import cache, mode, notice
+from ..errors import RockerbogieError
+
+#: Slope (rad) on which no rover has an equilibrium: the mode then starts its second search.
+TOO_STEEP = 1.3
+
+#: Number of steps of `_steps`.
+STEPS = 30
+
+
+class Compiled(NamedTuple):
+    """Result of `compile_kernels`."""
+
+    folder: Path  #: folder that holds the compiled kernels
+    kernels: int  #: number of kernels compiled by this call; 0 if all were in the folder
+    seconds: float  #: time it took, s
+
+
+def compile_kernels(progress: Callable[[int, int], None] | None = None) -> Compiled:
+    """Compile all kernels for this machine and store them, so that no later call has to.
+
+    Kernels that are stored already are loaded. Install scripts and container images call this once. The processor is
+    part of the key: for other machines, set NUMBA_CPU_NAME and NUMBA_CPU_FEATURES to the same values here and there.
+
+    Args:
+        progress: called as `progress(done, total)` after each of some steps, which take unequal times.
+
+    Returns:
+        The folder, the number of kernels compiled, and the time.
+
+    Raises:
+        RockerbogieError: NUMBA_DISABLE_JIT is set, or no cache folder is writable.
+    """
+    if not mode.COMPILED:
+        raise RockerbogieError("NUMBA_DISABLE_JIT is set, so that nothing is compiled: unset it, then compile")
+    folders = [folder.parent for folder in cache.cache_folders()]
+    if not cache.is_writable(folders[-1]):
+        found = " nor ".join(str(folder) for folder in folders)
+        raise RockerbogieError(f"cannot write to {found}: set NUMBA_CACHE_DIR to a writable folder, now and in later use")
+    if progress is not None:
+        notice.silence()
+    before, start = notice.compiled_count(), time.perf_counter()
+    for done, step in enumerate(_steps()):
+        if progress is not None:
+            progress(done, STEPS)
+        step()
+    if progress is not None:
+        progress(STEPS, STEPS)
+    return Compiled(cache.cache_folders()[-1], notice.compiled_count() - before, time.perf_counter() - start)
+
+
+def _steps() -> Iterator[Callable[[], object]]:
+    """Yield the calls that compile all kernels between them, in order."""
+    from ..figures.render import Camera, Mesh, render
+    from ..logs.odometry import odometry
+    from ..motion.body_twist import body_twist
+    from ..motion.drive import drive
+    from ..motion.jacobian import wheel_jacobians
+    from ..motion.path import Path
+    from ..motion.prediction.predict import predict
+    from ..motion.wheel_commands import straight
+    from ..motion.wheel_controller import WheelController
+    from ..rover.formats import load_rover
+    from ..settling.settle import settle
+    from ..settling.verification import verify
+    from ..statics.loads import wheel_loads
+    from ..statics.stability import force_values, stability
+    from ..terrain import surfaces
+    from ..terrain.heightfield import Terrain
+    from ..terrain.soil.forces import wheel_soil_forces
+    from ..terrain.soil.load import load_soil
+    from ..terrain.soil.table import tabulate
+
+    rover = load_rover("curiosity")
+    far = [0.0, 1e4]  # the second pose is off the map, so it is computed by the scalar kernels
+    for interpolation in ("cubic", "linear"):
+        level = surfaces.plane(size=12.0, spacing=0.5, interpolation=interpolation)
+        steep = surfaces.plane(TOO_STEEP, size=12.0, spacing=0.5, interpolation=interpolation)
+        yield partial(level.height, 0.0, 0.0)
+        yield partial(settle, rover, level, far, 0.0)
+        yield partial(settle, rover, steep, far, 0.0, mode="equilibrium")
+        yield partial(wheel_loads, settle(rover, level, 0.0, 0.0, mode="equilibrium"))
+        z = level.z.copy()
+        z[::2, ::2] = np.nan
+        gaps = Terrain.from_array(z, level.spacing, level.origin, interpolation=interpolation)
+        yield partial(settle, rover, gaps, 0.0, 0.0)
+        yield partial(settle, rover, gaps, 0.0, 0.0, mode="equilibrium")
+        pose = settle(rover, level, 0.0, 0.0)
+        yield partial(getattr, pose, "gap")
+        yield partial(getattr, pose, "clearance")
+        yield partial(predict, rover, level, None, Path.straight((0.0, 0.0), 0.0, 0.1), friction=0.8, details=False)
+        yield partial(verify, pose)
+    yield partial(wheel_jacobians, rover, pose)
+    yield partial(body_twist, rover, pose)
+    yield partial(stability, pose)
+    yield partial(force_values, pose, ("tip_margin",))
+    soil = load_soil("lunar-lrv-b")
+    yield partial(wheel_soil_forces, soil, 0.25, 0.4, 500.0, 0.1)
+    table = tabulate(soil, 0.25, 0.4, (100.0, 500.0), size=(6, 7, 6))
+    yield partial(table.forces, 300.0, 0.1)
+    yield partial(table.motion_forces, 300.0, 1.0, 0.9, 0.0)
+    yield partial(odometry, rover, None, drive(rover, level, Path.straight((0.0, 0.0), 0.0, 0.1), speed=0.1))
+    yield partial(WheelController(rover).command, straight(0.1))
+    triangle = Mesh.flat(np.eye(3)[None], (1.0, 1.0, 1.0))
+    yield partial(render, triangle, Camera.framing(triangle.corners, 0.5, 0.5, (8, 8)), sun=(0.5, 0.8))

@@ -1,0 +1,1 @@
+"""Output guards, CSV tables, vector files, and the version that files record."""
