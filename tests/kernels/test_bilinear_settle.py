@@ -91,7 +91,7 @@ def test_search_finds_the_minimum_or_rejects_the_lane(name: str, kind: str) -> N
         cells.set_home(S, packed.meta)
         simd_linkage.place_body(S, car)
         simd_linkage.place_wheels(S, car)
-        bilinear_settle.search(S, packed.grid, packed.meta, car, True)
+        bilinear_settle.search(S, S, packed.grid, packed.meta, car, True, 0)
         for lane in range(LANES):
             k = first + lane
             at = x[k] - packed.meta[META_X], y[k] - packed.meta[META_Y], math.cos(yaw[k]), math.sin(yaw[k])

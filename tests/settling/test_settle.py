@@ -181,6 +181,18 @@ def test_a_pose_depends_on_nothing_but_itself(monkeypatch: pytest.MonkeyPatch) -
     for k in order[:50]:
         alone = rb.settle(rover, terrain, *spots[:, k], steering=steering[k])
         assert np.array_equal(alone.q, whole.q[k], equal_nan=True)
+        assert np.array_equal(alone.contact_point, whole.contact_point[k], equal_nan=True)
+        pair = rb.settle(rover, terrain, *spots[:, k : k + 2], steering=steering[k : k + 2])
+        assert np.array_equal(pair.q, whole.q[k : k + 2], equal_nan=True)
+
+
+def test_poses_alone_with_unlike_wheels_are_those_of_a_batch() -> None:
+    rover, terrain, spots, steering = rough_places(200)
+    rover = rover.replace(wheel_width=np.array([0.08, 0.08, 0.1, 0.1, 0.0, 0.0]))
+    whole = rb.settle(rover, terrain, *spots, steering=steering)
+    for k in range(40):
+        alone = rb.settle(rover, terrain, *spots[:, k], steering=steering[k])
+        assert np.array_equal(alone.q, whole.q[k], equal_nan=True)
 
 
 def settle_elsewhere(count: int, mode: str, **environment: str) -> tuple[np.ndarray, np.ndarray]:

@@ -47,7 +47,7 @@ def _access(name: str, functions: dict[str, ast.FunctionDef], done: dict[str, Ac
     if name in done:
         return done[name]
     node, module = functions[name], name.split(".")[0]
-    numbers = {"lanes", "i", "l", "side", "columns", "lines", "count", "rounds", "wheels"}
+    numbers = {"lanes", "i", "l", "side", "columns", "lines", "count", "few", "rounds", "wheels"}
     parameters = {arg.arg for arg in node.args.args} - numbers
     aliases: dict[str, set[str]] = {}
     result = done[name] = Access(set(), set())
@@ -78,6 +78,9 @@ def _access(name: str, functions: dict[str, ast.FunctionDef], done: dict[str, Ac
         if isinstance(part, ast.Assign):
             for target in part.targets:
                 note(target, part.value)
+        if isinstance(part, ast.For) and isinstance(part.iter, ast.Tuple):
+            for value in part.iter.elts:
+                note(part.target, value)
     for part in ast.walk(node):
         if is_lanes(part):
             (result.writes if isinstance(part.ctx, ast.Store) else result.reads).update(rows(part.slice))

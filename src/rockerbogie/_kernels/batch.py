@@ -39,6 +39,7 @@ from .simd.cubic_newton import guaranteed_step
 from .simd.cubic_settle import ROUNDS, load, settle_block
 from .simd.layout import BILINEAR, BILINEAR_SIZE, CONTACT, CUBIC, CUBIC_SIZE, LANES, LINE, POSE
 from .simd.linkage import line_up
+from .simd.wheel_lanes import few_poses
 from .solve.equilibrium import settle_equilibrium, settle_from_pose
 from .solve.forces import R_SIZE
 from .solve.newton import CONVERGED, JOINT_STOP, NO_DATA, NOT_CONVERGED, STARTS, beyond_stops, covered, settle_contact
@@ -108,15 +109,16 @@ def settle_linear(
         order: (n,) order in which the poses are taken.
         start, stop: range of `order` that this call settles.
     """
-    buffer, block = np.empty(WORK_SIZE), np.empty(BILINEAR_SIZE + LINE)
+    buffer, block, spare = np.empty(WORK_SIZE), np.empty(BILINEAR_SIZE + LINE), np.empty(BILINEAR_SIZE + LINE)
     which, wait = np.empty(LANES, np.int64), np.empty(2 * LANES, np.int64)
-    work, land, car, meta, q, lanes = (
+    work, land, car, meta, q, lanes, wheels = (
         lay_out(buffer),
         borrow(ground),
         unowned_view(rover),
         unowned_view(ground[2]),
         unowned_view(out),
         line_up(block),
+        line_up(spare),
     )
     waiting, first = 0, start
     if bilinear_settle.too_fine(meta, car):
@@ -128,10 +130,11 @@ def settle_linear(
         count = min(LANES, stop - first if anew else waiting)
         for l in range(count):
             which[l] = order[first + l] if anew else wait[l]
+        few = few_poses(car, count)
         load(lanes, car, meta, x, y, yaw, steering, which, count, first == start, work)
         if anew:
             first += count
-            bilinear_settle.start(lanes, land[0], meta, car)
+            bilinear_settle.start(lanes, wheels, land[0], meta, car, few)
         else:
             waiting -= count
             for l in range(waiting):
@@ -140,7 +143,7 @@ def settle_linear(
                 for n in range(6):
                     lanes[POSE.q + n * LANES + l] = q[which[min(l, count - 1)], n]
                     lanes[CONTACT.sine + n * LANES + l] = 0.0  # reset the contacts of the lane's former pose
-        bilinear_settle.settle(lanes, land, car, count, 1 if anew else ROUNDS)
+        bilinear_settle.settle(lanes, wheels, land, car, count, few, 1 if anew else ROUNDS)
         for l in range(count):
             k = which[l]
             if anew and lanes[BILINEAR.fate + l] == bilinear_settle.SEARCHING:
@@ -150,7 +153,7 @@ def settle_linear(
                 waiting += 1
             else:
                 store_lane(lanes, l, car, meta, q, status, k, lanes[BILINEAR.fate + l] == bilinear_settle.SETTLED)
-    buffer[0] = block[0] = 0.0  # keep the buffers alive: `work` and `lanes` are unowned views of them
+    buffer[0] = block[0] = spare[0] = 0.0  # keep the buffers alive: `work`, `lanes` and `wheels` are unowned views of them
 
 
 @inlined

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from .._kernels import batch
 from .._kernels.jit.parallel import parallel_for
 from .._kernels.model.ground import META_MAX_CURVATURE, META_STEEP
+from .._kernels.simd.layout import LANES
 from ..arrays import Array
 from ..rover.model import Rover
 from ..terrain.heightfield import Terrain
@@ -22,6 +24,7 @@ Mode = Literal["contact", "equilibrium"]
 Engine = Literal["simd", "scalar"]
 
 FINE = 0.25  # of the largest wheel radius: on finer cells equilibrium mode does not start from the six-wheel pose
+UNSETTLED = bytes([batch.UNSETTLED])
 STATUS = 7  # of the arguments that all batch kernels share
 HEADING_BINS = 64  # bins of half a turn by which poses are sorted on bilinear terrain
 
@@ -91,8 +94,8 @@ def _leave(*args: Any) -> None:
 
 def _contact_left(poses: Batch) -> None:
     """Solve the poses whose status is UNSETTLED one by one."""
-    left = np.flatnonzero(poses.status == batch.UNSETTLED)
-    if left.size > 0:
+    if UNSETTLED in poses.status.tobytes():  # for one pose, comparing arrays takes as long as a tenth of settling it
+        left = np.flatnonzero(poses.status == batch.UNSETTLED)
         parallel_for(batch.settle_left, left.size, *_inputs(poses), left)
 
 
@@ -151,7 +154,7 @@ def _refused(poses: Batch) -> NDArray[np.int64]:
 
     There are none on a map without missing data."""
     meta = poses.terrain.meta  # of each kind, one bound is infinite if data is missing
-    if np.isfinite(meta[META_MAX_CURVATURE if poses.terrain.interpolation == "cubic" else META_STEEP]):
+    if math.isfinite(meta[META_MAX_CURVATURE if poses.terrain.interpolation == "cubic" else META_STEEP]):
         return np.empty(0, dtype=np.int64)
     return np.flatnonzero(np.isin(poses.status, (Status.NO_DATA, Status.NOT_CONVERGED, Status.TIPPED)))
 
@@ -180,7 +183,8 @@ def _is_fine(poses: Batch) -> bool:
 
 def _lane_order(poses: Batch) -> NDArray[np.int64]:
     """Return the order (n,) in which SIMD lanes on bilinear terrain take the poses."""
-    return _by_heading(poses.yaw) if poses.rover.wheel_width.any() else np.arange(poses.status.size)
+    count = poses.status.size
+    return _by_heading(poses.yaw) if count > LANES and poses.rover.wheel_width.any() else np.arange(count)
 
 
 def _by_heading(yaw: Array) -> NDArray[np.int64]:

@@ -23,6 +23,7 @@ from .rim_search import search_rims, track_rims
 from .tread_nodes import nodes_under, set_treads, take_heights
 from .tread_search import search_insides, track_insides
 from .upper_side import clear_above, clear_here
+from .wheel_lanes import gather_wheels, return_contacts
 
 Array = NDArray[np.float64]
 
@@ -38,17 +39,55 @@ SIDES = (0.0, -1.0, 1.0) * 5
 SAMPLES = len(SINES)
 
 
+@njit
+def sample_wheel(lanes: Array, grid: Array, meta: Array, rover: Array, i: int) -> None:
+    """Compute the lowest gap of wheel i at a few points of its tread.
+
+    Args:
+        lanes: the lane array (`layout`).
+        grid: node heights, m.
+        meta: the map header.
+        rover: the packed rover.
+        i: index of the wheel.
+
+    Reads:  POSE.x, POSE.y, POSE.q, POSE.active, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz,
+            CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.gx, CONTACT.gy, CONTACT.gap, CELL.col, CELL.row, CELL.h00,
+            CELL.h01, CELL.h10, CELL.h11, LOWEST (all), HOME (all), BILINEAR.col, BILINEAR.row, BILINEAR.rejected, SPOT (all)
+    Writes: CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.tx, CONTACT.ty, CONTACT.tz, CONTACT.gx, CONTACT.gy,
+            CONTACT.gap, CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, LOWEST (all), BILINEAR.col, BILINEAR.row,
+            BILINEAR.rejected, SPOT (all)
+    """
+    half = rover[P_HALF + i]
+    no_gap(lanes)
+    for n in range(1 if half == 0.0 else SAMPLES):
+        s = half * SIDES[n]
+        sample_tread(lanes, rover, i, SINES[n], COSINES[n], s)
+        terrain_at_spots(lanes, grid, meta)
+        for l in range(LANES):
+            gap = lanes[SPOT.z + l] - lanes[SPOT.h + l]
+            if gap < lanes[LOWEST.gap + l]:
+                lanes[LOWEST.gap + l], lanes[LOWEST.sine + l], lanes[LOWEST.cosine + l], lanes[LOWEST.offset + l] = (
+                    gap,
+                    SINES[n],
+                    COSINES[n],
+                    s,
+                )
+    store_contact(lanes, meta, rover, i, 2.0 * half + 1.0, 0.0)
+
+
 @inlined
-def start(lanes: Array, grid: Array, meta: Array, rover: Array) -> None:
+def start(lanes: Array, wheels: Array, grid: Array, meta: Array, rover: Array, few: int) -> None:
     """Set the poses to horizontal over the terrain, and take one Newton step.
 
     For that step, treads are sampled at a few points.
 
     Args:
         lanes: the lane array (`layout`).
+        wheels: lane array of the wheels of few poses (`wheel_lanes`).
         grid: node heights (bilinear) or spline coefficients (cubic), m.
         meta: the map header.
         rover: the packed rover.
+        few: number of poses if their wheels are searched at once, else 0.
 
     Reads:  POSE.x, POSE.y, POSE.cy, POSE.sy, POSE.q, POSE.step, POSE.active, POSE.axes, POSE.right, POSE.rate, WHEEL (all),
             CONTACT (all), CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, LOWEST (all), HOME (all),
@@ -72,38 +111,29 @@ def start(lanes: Array, grid: Array, meta: Array, rover: Array) -> None:
         lanes[POSE.q + l] = (h if h == h else 0.0) + height  # missing data under the body alone does not matter
     place_body(lanes, rover)
     place_wheels(lanes, rover)
-    for i in range(6):
-        half = rover[P_HALF + i]
-        no_gap(lanes)
-        for n in range(1 if half == 0.0 else SAMPLES):
-            s = half * SIDES[n]
-            sample_tread(lanes, rover, i, SINES[n], COSINES[n], s)
-            terrain_at_spots(lanes, grid, meta)
-            for l in range(LANES):
-                gap = lanes[SPOT.z + l] - lanes[SPOT.h + l]
-                if gap < lanes[LOWEST.gap + l]:
-                    lanes[LOWEST.gap + l], lanes[LOWEST.sine + l], lanes[LOWEST.cosine + l], lanes[LOWEST.offset + l] = (
-                        gap,
-                        SINES[n],
-                        COSINES[n],
-                        s,
-                    )
-        store_contact(lanes, meta, rover, i, 2.0 * half + 1.0, 0.0)
+    if few > 0:
+        gather_wheels(lanes, wheels, few)
+        sample_wheel(wheels, grid, meta, rover, 0)
+        return_contacts(lanes, wheels, few)
+    else:
+        for i in range(6):
+            sample_wheel(lanes, grid, meta, rover, i)
     gap_jacobian(lanes, rover)
     solve_step(lanes)
     take_step(lanes)
 
 
 @njit
-def search(lanes: Array, grid: Array, meta: Array, rover: Array, all_round: bool) -> None:
-    """Search the contacts of all wheels over the lower sides of their treads.
+def search_wheel(lanes: Array, grid: Array, meta: Array, rover: Array, i: int, all_round: bool) -> None:
+    """Search the contact of wheel i over the lower side of its tread.
 
     Args:
         lanes: the lane array (`layout`).
-        grid: node heights (bilinear) or spline coefficients (cubic), m.
+        grid: node heights, m.
         meta: the map header.
         rover: the packed rover.
-        all_round: also check that the upper sides clear the terrain.
+        i: index of the wheel.
+        all_round: also check that the upper side clears the terrain.
 
     Reads:  POSE.x, POSE.y, POSE.q, POSE.active, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz,
             CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.gx, CONTACT.gy, CONTACT.gap, BOUND (all), RIM (all),
@@ -113,36 +143,66 @@ def search(lanes: Array, grid: Array, meta: Array, rover: Array, all_round: bool
             CONTACT.gap, BOUND (all), RIM (all), COLUMN (all), CELL (all), PIECE (all), LOWEST (all), RIM_PIECES (all),
             TREAD (all), NODES (all), BILINEAR.col, BILINEAR.row, BILINEAR.rejected
     """
-    for i in range(6):
-        half = rover[P_HALF + i]
-        no_gap(lanes)
-        for side in range(1 if half == 0.0 else 2):
-            for l in range(LANES):
-                lanes[RIM.offset + l] = half if side == 0 else -half
-            search_rims(lanes, grid, meta, rover, i)
-        unclear = 0.0
-        if half > 0.0 or all_round:
-            set_treads(lanes, rover, meta, i)
-            unclear = clear_above(lanes) if all_round else 0.0
-        if half > 0.0 or unclear > 0.0:
-            columns, lines = nodes_under(lanes)
-            take_heights(lanes, grid, columns, lines)
-            if half > 0.0:
-                search_insides(lanes, grid, meta, rover, i, columns, lines)
-            if unclear > 0.0:
-                clear_here(lanes, meta, columns, lines)
-        store_contact(lanes, meta, rover, i, half, 0.0)
+    half = rover[P_HALF + i]
+    no_gap(lanes)
+    for side in range(1 if half == 0.0 else 2):
+        for l in range(LANES):
+            lanes[RIM.offset + l] = half if side == 0 else -half
+        search_rims(lanes, grid, meta, rover, i)
+    unclear = 0.0
+    if half > 0.0 or all_round:
+        set_treads(lanes, rover, meta, i)
+        unclear = clear_above(lanes) if all_round else 0.0
+    if half > 0.0 or unclear > 0.0:
+        columns, lines = nodes_under(lanes)
+        take_heights(lanes, grid, columns, lines)
+        if half > 0.0:
+            search_insides(lanes, grid, meta, rover, i, columns, lines)
+        if unclear > 0.0:
+            clear_here(lanes, meta, columns, lines)
+    store_contact(lanes, meta, rover, i, half, 0.0)
 
 
-@inlined
-def track(lanes: Array, grid: Array, meta: Array, rover: Array) -> None:
-    """Find the contacts of the active lanes' wheels in the cells that they were in.
+@njit
+def search(lanes: Array, wheels: Array, grid: Array, meta: Array, rover: Array, all_round: bool, few: int) -> None:
+    """Search the contacts of all wheels over the lower sides of their treads.
 
     Args:
         lanes: the lane array (`layout`).
+        wheels: lane array of the wheels of few poses (`wheel_lanes`).
         grid: node heights (bilinear) or spline coefficients (cubic), m.
         meta: the map header.
         rover: the packed rover.
+        all_round: also check that the upper sides clear the terrain.
+        few: number of poses if their wheels are searched at once, else 0.
+
+    Reads:  POSE.x, POSE.y, POSE.q, POSE.active, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz,
+            CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.gx, CONTACT.gy, CONTACT.gap, BOUND (all), RIM (all),
+            COLUMN (all), CELL (all), PIECE (all), LOWEST (all), HOME (all), RIM_PIECES (all), TREAD (all), NODES (all),
+            BILINEAR.col, BILINEAR.row, BILINEAR.rejected
+    Writes: CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.tx, CONTACT.ty, CONTACT.tz, CONTACT.gx, CONTACT.gy,
+            CONTACT.gap, BOUND (all), RIM (all), COLUMN (all), CELL (all), PIECE (all), LOWEST (all), RIM_PIECES (all),
+            TREAD (all), NODES (all), BILINEAR.col, BILINEAR.row, BILINEAR.rejected
+    """
+    if few > 0:
+        gather_wheels(lanes, wheels, few)
+        search_wheel(wheels, grid, meta, rover, 0, all_round)
+        return_contacts(lanes, wheels, few)
+    else:
+        for i in range(6):
+            search_wheel(lanes, grid, meta, rover, i, all_round)
+
+
+@njit
+def track_wheel(lanes: Array, grid: Array, meta: Array, rover: Array, i: int) -> None:
+    """Find the contact of wheel i of the active lanes in the cell that it was in.
+
+    Args:
+        lanes: the lane array (`layout`).
+        grid: node heights, m.
+        meta: the map header.
+        rover: the packed rover.
+        i: index of the wheel.
 
     Reads:  POSE.x, POSE.y, POSE.q, POSE.active, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz,
             CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.gx, CONTACT.gy, CONTACT.gap, BOUND.low, RIM.offset, RIM.p0,
@@ -158,21 +218,55 @@ def track(lanes: Array, grid: Array, meta: Array, rover: Array) -> None:
             TREAD.b_uu, TREAD.b_x, TREAD.b_y, TREAD.col_0, TREAD.row_0, TREAD.col_1, TREAD.row_1, TREAD.det, TREAD.half,
             TREAD.max_slope_squared, BILINEAR.col, BILINEAR.row, BILINEAR.rejected
     """
-    for i in range(6):
-        half = rover[P_HALF + i]
-        no_gap(lanes)
-        for l in range(LANES):
-            k = i * LANES + l
-            lanes[RIM.offset + l], lanes[CELL.col + l], lanes[CELL.row + l] = (
-                math.copysign(half, lanes[CONTACT.offset + k]),
-                lanes[BILINEAR.col + k],
-                lanes[BILINEAR.row + k],
-            )
-        track_rims(lanes, grid, meta, rover, i)
-        if half > 0.0:
-            set_treads(lanes, rover, meta, i)
-            track_insides(lanes, rover, meta, i)
-        store_contact(lanes, meta, rover, i, half, 1.0)
+    half = rover[P_HALF + i]
+    no_gap(lanes)
+    for l in range(LANES):
+        k = i * LANES + l
+        lanes[RIM.offset + l], lanes[CELL.col + l], lanes[CELL.row + l] = (
+            math.copysign(half, lanes[CONTACT.offset + k]),
+            lanes[BILINEAR.col + k],
+            lanes[BILINEAR.row + k],
+        )
+    track_rims(lanes, grid, meta, rover, i)
+    if half > 0.0:
+        set_treads(lanes, rover, meta, i)
+        track_insides(lanes, rover, meta, i)
+    store_contact(lanes, meta, rover, i, half, 1.0)
+
+
+@inlined
+def track(lanes: Array, wheels: Array, grid: Array, meta: Array, rover: Array, few: int) -> None:
+    """Find the contacts of the active lanes' wheels in the cells that they were in.
+
+    Args:
+        lanes: the lane array (`layout`).
+        wheels: lane array of the wheels of few poses (`wheel_lanes`).
+        grid: node heights (bilinear) or spline coefficients (cubic), m.
+        meta: the map header.
+        rover: the packed rover.
+        few: number of poses if their wheels are searched at once, else 0.
+
+    Reads:  POSE.x, POSE.y, POSE.q, POSE.active, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz,
+            CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.gx, CONTACT.gy, CONTACT.gap, BOUND.low, RIM.offset, RIM.p0,
+            RIM.t0, RIM.a, RIM.b, RIM.c, RIM.d, RIM.rho, RIM.zr, RIM.h2, RIM.q2, RIM.over_h, RIM.over_q, RIM.ac, RIM.bd, RIM.e,
+            RIM.swap, RIM.sign, RIM.low_p, RIM.high_p, CELL (all), PIECE (all), LOWEST (all), HOME (all), TREAD.zh, TREAD.cos,
+            TREAD.tan, TREAD.over, TREAD.az, TREAD.u0, TREAD.v0, TREAD.u_x, TREAD.u_y, TREAD.v_x, TREAD.v_y, TREAD.over_x,
+            TREAD.over_y, TREAD.aside_x, TREAD.aside_y, TREAD.p_x, TREAD.p_y, TREAD.b_x, TREAD.b_y, TREAD.det, TREAD.half,
+            BILINEAR.col, BILINEAR.row, BILINEAR.rejected
+    Writes: CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.tx, CONTACT.ty, CONTACT.tz, CONTACT.gx, CONTACT.gy,
+            CONTACT.gap, BOUND.low, RIM (all), CELL (all), PIECE (all), LOWEST (all), TREAD.zh, TREAD.cos, TREAD.tan,
+            TREAD.over, TREAD.az, TREAD.u0, TREAD.v0, TREAD.u_x, TREAD.u_y, TREAD.v_x, TREAD.v_y, TREAD.over_x, TREAD.over_y,
+            TREAD.aside_x, TREAD.aside_y, TREAD.v_low, TREAD.v_high, TREAD.p_0, TREAD.p_uu, TREAD.p_x, TREAD.p_y, TREAD.b_0,
+            TREAD.b_uu, TREAD.b_x, TREAD.b_y, TREAD.col_0, TREAD.row_0, TREAD.col_1, TREAD.row_1, TREAD.det, TREAD.half,
+            TREAD.max_slope_squared, BILINEAR.col, BILINEAR.row, BILINEAR.rejected
+    """
+    if few > 0:
+        gather_wheels(lanes, wheels, few)
+        track_wheel(wheels, grid, meta, rover, 0)
+        return_contacts(lanes, wheels, few)
+    else:
+        for i in range(6):
+            track_wheel(lanes, grid, meta, rover, i)
 
 
 @fma_njit
@@ -245,14 +339,16 @@ def too_fine(meta: Array, rover: Array) -> bool:
 
 
 @inlined
-def settle(lanes: Array, ground: Ground, rover: Array, count: int, rounds: int) -> None:
+def settle(lanes: Array, wheels: Array, ground: Ground, rover: Array, count: int, few: int, rounds: int) -> None:
     """Settle the first `count` lanes from their present poses; BILINEAR.fate holds the result.
 
     Args:
         lanes: the lane array (`layout`).
+        wheels: lane array of the wheels of few poses (`wheel_lanes`).
         ground: the packed terrain.
         rover: the packed rover.
         count: number of lanes in use, from the first.
+        few: number of poses if their wheels are searched at once, else 0.
         rounds: number of rounds of tracking and searching, at most.
 
     Reads:  POSE.x, POSE.y, POSE.cy, POSE.sy, POSE.q, POSE.step, POSE.active, POSE.axes, POSE.right, POSE.rate, WHEEL (all),
@@ -269,7 +365,7 @@ def settle(lanes: Array, ground: Ground, rover: Array, count: int, rounds: int) 
     set_home(lanes, meta)
     place_body(lanes, rover)
     place_wheels(lanes, rover)
-    search(lanes, grid, meta, rover, False)
+    search(lanes, wheels, grid, meta, rover, False, few)
     for n in range(rounds):
         if not classify_lanes(lanes, n > 0):
             return
@@ -287,6 +383,6 @@ def settle(lanes: Array, ground: Ground, rover: Array, count: int, rounds: int) 
                 live += lanes[POSE.active + l]
             if live == 0.0:
                 break
-            track(lanes, grid, meta, rover)
-        search(lanes, grid, meta, rover, True)
+            track(lanes, wheels, grid, meta, rover, few)
+        search(lanes, wheels, grid, meta, rover, True, few)
     classify_lanes(lanes, True)

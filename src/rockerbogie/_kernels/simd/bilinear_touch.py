@@ -18,6 +18,7 @@ from .cells import set_home
 from .cubic_settle import load
 from .layout import BILINEAR, BILINEAR_SIZE, CELL, CONTACT, LANES, LINE, POSE, SPOT, WHEEL
 from .linkage import line_up, place_body, place_wheels
+from .wheel_lanes import few_poses
 
 Array = NDArray[np.float64]
 
@@ -94,8 +95,10 @@ def touch_linear(
         start, stop: range of poses that this call computes.
     """
     buffer, block, spare = np.empty(WORK_SIZE), np.empty(BILINEAR_SIZE + LINE), np.empty(5 * LANES)
+    other = np.empty(BILINEAR_SIZE + LINE)
     which = np.empty(LANES, np.int64)
-    work, land, car, meta, lanes = lay_out(buffer), borrow(ground), unowned_view(rover), unowned_view(ground[2]), line_up(block)
+    work, land, car, meta = lay_out(buffer), borrow(ground), unowned_view(rover), unowned_view(ground[2])
+    lanes, wheels = line_up(block), line_up(other)
     first = stop if too_fine(meta, car) else start
     for k in range(start, stop):
         found[k] = False
@@ -113,7 +116,7 @@ def touch_linear(
         set_home(lanes, meta)
         place_body(lanes, car)
         place_wheels(lanes, car)
-        search(lanes, land[0], meta, car, False)
+        search(lanes, wheels, land[0], meta, car, False, few_poses(car, count))
         for l in range(count):
             good = not math.isnan(q[first + l, Z])
             for i in range(6):
@@ -131,7 +134,7 @@ def touch_linear(
                 point[p, i, 1] = lanes[SPOT.y + l] + meta[META_Y]
                 point[p, i, 2] = lanes[SPOT.z + l] + meta[META_Z]
         first += count
-    buffer[0] = block[0] = 0.0  # keep the buffers alive: `work` and `lanes` are unowned views of them
+    buffer[0] = block[0] = other[0] = 0.0  # keep the buffers alive: `work`, `lanes` and `wheels` are unowned views of them
 
 
 @njit
