@@ -161,6 +161,43 @@ def test_steeper_slope_ahead_raises_the_forecast(rover):
     assert with_map[-1] > without[-1] + 0.005, "the ramp begins under the front wheels"
 
 
+def hill_log(rover, terrain, attitude):
+    """Return a log of a drive along x on a hill, with the attitude or with positions only."""
+    n = 24
+    x, zero = 0.5 + 0.35 * np.arange(n), np.zeros(n)
+    pose = rb.settle(rover, terrain, x, 0.0, 0.0)
+    along, across = -np.sin(pose.pitch), np.cos(pose.pitch) * np.sin(pose.roll)
+    log = made(expit(-2.5 + 8.0 * along), along=0.0, across=0.0, spacing=0.35, rows=1)
+    if attitude:
+        return log.assign(along=("row", along), across=("row", across))
+    places = {"x": x, "y": zero, "yaw": zero, "heading": zero + 1}
+    return log.drop_vars(["along", "across"]).assign({name: ("row", values) for name, values in places.items()})
+
+
+def test_map_gives_the_slope_where_the_log_has_positions_alone(rover):
+    z = np.tile(0.6 * np.cos(np.linspace(-2, 10, 121) * 0.6), (41, 1))
+    terrain = rb.Terrain.from_array(z, 0.1, origin=(-2.0, -2.0), interpolation="linear")
+    measured, placed = (hill_log(rover, terrain, attitude) for attitude in (True, False))
+    fits = [rb.fit_soil(rover, ground, log) for ground, log in ((None, measured), (terrain, placed))]
+    assert_close(fits[1].curve.gain_along, fits[0].curve.gain_along, 1e-12, "1", "the same slopes")
+    assert fits[1].curve.gain_along > 4.0
+    with pytest.raises(rb.RockerbogieError, match="give a map"):
+        rb.fit_soil(rover, None, placed)
+    assert np.isfinite(rb.forecast_slip(rover, terrain, placed)["mean"]).all()
+
+
+def test_fit_refuses_positions_beside_the_map(rover):
+    level = {
+        name: rb.Terrain.from_array(np.zeros((41, n)), 0.1, origin=(start, -2.0), interpolation="linear")
+        for name, start, n in (("whole", -2.0, 121), ("half", -2.0, 81), ("elsewhere", 50.0, 81))
+    }
+    log = hill_log(rover, level["whole"], False)
+    with pytest.raises(rb.RockerbogieError, match="12 of 24 rows have no slope"):
+        rb.fit_soil(rover, level["half"], log)
+    with pytest.raises(rb.RockerbogieError, match="give a map"):
+        rb.fit_soil(rover, level["elsewhere"], log)
+
+
 def test_probability_agrees_with_random_draws():
     bank = SlipBank()
     for slip in (0.4, 0.5, 0.6, 0.62):

@@ -55,12 +55,13 @@ def fit_soil(
     Parameters
     ----------
     log
-        A CSV with time [s], slip [1], distance [m] (wheel travel) and, for the curve, roll and pitch; or a published
-        log of Perseverance (docs/forecast.md).
+        A CSV with time [s], slip [1], distance [m] (wheel travel) and, for the curve, roll and pitch, or x [m], y [m] and
+        yaw with --terrain; or a published log of Perseverance (docs/forecast.md).
     rover
         A preset's name, or a rover file.
     terrain
-        The map, if there is one: the forecast then uses the slope ahead. A raster file, or surface:NAME.
+        The map, if there is one: the forecast then uses the slope ahead, and poses on the map give the slope where the log
+        has positions but no attitude. A raster file, or surface:NAME.
     limit
         Slip that the warning is about.
     threshold

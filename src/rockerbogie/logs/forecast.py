@@ -40,6 +40,8 @@ AHEAD, WARNING_REACH = 1.0, 2.0
 LIMIT, THRESHOLD = 0.8, 0.015
 #: Measurements before the first warning: until then the bank has no level.
 FEWEST = 3
+#: Variables of a log that place the rover on a map.
+PLACES = ("x", "y", "yaw", "heading")
 #: Travel between two forecasts without a new measurement, m.
 EVERY = 0.25
 _NODES, _SHARES = (values for values in np.polynomial.hermite_e.hermegauss(31))
@@ -185,7 +187,8 @@ def forecast_slip(
 
     Args:
         rover: the rover that made the log.
-        terrain: the map, if there is one: the slope 1 m ahead on the present course is then used; else the present slope.
+        terrain: the map, if there is one: the slope 1 m ahead on the present course is then used; else the present slope. It
+            also gives the slope where the log has positions but no attitude.
         log: a file of `read_slip_log`, or such a Dataset.
         limit: slip of which the warning warns, between 0 and 1.
         threshold: probability of exceeding it within 2 m of wheel travel at which a warning is given.
@@ -206,7 +209,7 @@ def forecast_slip(
     if terrain is not None:
         expect(terrain, Terrain, "terrain", "make one with rockerbogie.Terrain.from_raster, or give None")
     _check(limit, threshold, quantiles, every)
-    data = slip_log_of(log, rover)
+    data = slope_by_map(rover, terrain, slip_log_of(log, rover))
     time, distance, slip = (data[name].to_numpy() for name in ("time", "distance", "slip"))
     slope = np.hypot(data["along"].to_numpy(), data["across"].to_numpy())
     rows = _forecast_rows(distance, slip, every)
@@ -302,19 +305,44 @@ def _mean_slope(slope: Array, distance: Array, start: int, end: int) -> float:
     return float(np.average(part, weights=travel)) if travel.sum() > 0 else float(part[-1])
 
 
+def slope_by_map(rover: Rover, terrain: Terrain | None, log: xr.Dataset) -> xr.Dataset:
+    """Compute the slope by a map where a log has positions but no attitude.
+
+    Args:
+        rover: the rover that made the log.
+        terrain: the map; None: the log stays as it is.
+        log: as from `read_slip_log`.
+
+    Returns:
+        The log; `along` and `across` are those of poses settled on the map, in rows in which they were NaN.
+    """
+    missing = np.isnan(log["along"].to_numpy()) | np.isnan(log["across"].to_numpy())
+    if terrain is None or not missing.any() or any(name not in log for name in PLACES):
+        return log
+    x, y, yaw, heading = (log[name].to_numpy()[missing] for name in PLACES)
+    columns = {name: log[name].to_numpy().copy() for name in ("along", "across")}
+    known = np.isfinite(x) & np.isfinite(y) & np.isfinite(yaw)
+    rows = np.flatnonzero(missing)[known]
+    columns["along"][rows], columns["across"][rows] = _slope_at(rover, terrain, x[known], y[known], yaw[known], heading[known])
+    return log.assign({name: ("row", values, log[name].attrs) for name, values in columns.items()})
+
+
+def _slope_at(rover: Rover, terrain: Terrain, x: Array, y: Array, yaw: Array, heading: Array) -> tuple[Array, Array]:
+    """Return the sines of the slope along the travel and across the body (...) of settled poses; NaN where there is none."""
+    pose = settle(rover, terrain, x, y, yaw)
+    return -np.sin(pose.pitch) * heading, np.cos(pose.pitch) * np.sin(pose.roll)
+
+
 def _slope_ahead(rover: Rover, terrain: Terrain, data: xr.Dataset, rows: Any) -> Array:
     """Return the sine of the slope half a metre ahead: the present slope plus the map's change."""
-    missing = [name for name in ("x", "y", "yaw", "heading") if name not in data]
+    missing = [name for name in PLACES if name not in data]
     if missing:
         raise RockerbogieError(f"a forecast with terrain needs positions, and the log has no {missing[0]}: leave the terrain out")
-    x, y, yaw, heading = (data[name].to_numpy()[rows] for name in ("x", "y", "yaw", "heading"))
-    step = heading * AHEAD / 2
-    pose = settle(
-        rover, terrain, x + np.array([[0.0], [1.0]]) * step * np.cos(yaw), y + np.array([[0.0], [1.0]]) * step * np.sin(yaw), yaw
-    )
-    along, across = -np.sin(pose.pitch) * heading, np.cos(pose.pitch) * np.sin(pose.roll)
+    x, y, yaw, heading = (data[name].to_numpy()[rows] for name in PLACES)
+    step = np.array([[0.0], [1.0]]) * heading * AHEAD / 2
+    slopes = _slope_at(rover, terrain, x + step * np.cos(yaw), y + step * np.sin(yaw), yaw, heading)
     present = [data[name].to_numpy()[rows] for name in ("along", "across")]
-    moved = [now + np.nan_to_num(part[1] - part[0]) for now, part in zip(present, (along, across), strict=True)]
+    moved = [now + np.nan_to_num(part[1] - part[0]) for now, part in zip(present, slopes, strict=True)]
     return np.asarray(np.hypot(*moved))
 
 

@@ -17,7 +17,7 @@ from ..files.version import __version__
 from ..motion.soil_slip import SoilSlip
 from ..rover.model import LOAD_ROVER, Rover
 from ..terrain.heightfield import Terrain
-from .forecast import CHANGES, ERRORS, POSITION_ERROR, SMALLEST, START, slip_log_of
+from .forecast import CHANGES, ERRORS, POSITION_ERROR, SMALLEST, START, slip_log_of, slope_by_map
 from .slip_log import last_of_each
 
 if TYPE_CHECKING:
@@ -65,12 +65,12 @@ def fit_soil(rover: Rover, terrain: Terrain | None, log: str | Path | xr.Dataset
 
     A Kalman filter runs along the drive with the level and both gains as state, and a smoother runs back. The change of the level
     per metre and the error of a measurement are those of the greatest likelihood. Slip is the logged one, or that of corrected
-    positions; slope is the logged attitude.
+    positions; slope is the logged attitude, or that of poses settled on the map.
 
     Args:
         rover: the rover that made the log.
-        terrain: the map, or None; the attitude in the log gives the slope, so that the map is not used.
-        log: a file of `read_slip_log`, or such a Dataset; with attitude.
+        terrain: the map, or None. It gives the slope where the log has positions but no attitude.
+        log: a file of `read_slip_log`, or such a Dataset; with attitude, or with positions on the map.
 
     Returns:
         A `SoilFit`. Its `data` hold over `measurement`: `time` (s), `distance` (m), `slip`, `along`, `across` (mean sines since
@@ -78,12 +78,12 @@ def fit_soil(rover: Rover, terrain: Terrain | None, log: str | Path | xr.Dataset
         past data only `level_past`, `level_past_sigma`, `gain_past` and `gain_past_sigma` (measurement, axis).
 
     Raises:
-        RockerbogieError: fewer than 4 measurements, or no attitude.
+        RockerbogieError: fewer than 4 measurements, or rows without slope.
     """
     expect(rover, Rover, "rover", LOAD_ROVER)
     if terrain is not None:
         expect(terrain, Terrain, "terrain", "make one with rockerbogie.Terrain.from_raster, or give None")
-    table = _measurements(slip_log_of(log, rover))
+    table = _measurements(slope_by_map(rover, terrain, slip_log_of(log, rover)))
     y = logit(np.clip(table["slip"], SMALLEST, 1 - SMALLEST))
     H = np.column_stack([np.ones(len(y)), table["along"], np.abs(table["across"])])
     travel = np.diff(table["distance"], prepend=table["distance"][0])
@@ -124,9 +124,17 @@ def _measurements(log: xr.Dataset) -> dict[str, Array]:
     rows = last_of_each(distance, slip)
     if len(rows) < FEWEST:
         raise RockerbogieError(f"{log.attrs['log']} has {len(rows)} measurements of slip: a fit needs {FEWEST} or more")
-    if not all(np.isfinite(log[name].to_numpy()[: rows[-1] + 1]).all() for name in ("along", "across")):
+    slopes = np.stack([log[name].to_numpy()[: rows[-1] + 1] for name in ("along", "across")])
+    without = int(np.isnan(slopes).any(axis=0).sum())
+    if without == slopes.shape[1] or (without and "x" not in log):
         raise RockerbogieError(
-            f"{log.attrs['log']} has no attitude: a slip curve needs the slope; add roll and pitch, or use the forecast alone"
+            f"{log.attrs['log']} has no attitude: a slip curve needs the slope; add roll and pitch, give a map for the positions "
+            "x, y and yaw of the log, or use the forecast alone"
+        )
+    if without:
+        raise RockerbogieError(
+            f"{log.attrs['log']}: {without} of {slopes.shape[1]} rows have no slope, neither by attitude nor by a pose on the "
+            "map; leave these rows out"
         )
     found = {name: log[name].to_numpy()[rows].astype(float) for name in ("time", "distance", "slip", "from_position")}
     for name in ("along", "across"):

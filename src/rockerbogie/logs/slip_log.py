@@ -30,6 +30,8 @@ STEP, PAUSE, STANDING = 0.02, 2.0, 0.02
 LONGEST, TURNING, STEERED = 1.5, 0.2, 0.5
 #: Steps between updates without wheel angles: speed of the wheels, m/s, and longest travel of a step, m.
 STEP_SPEED, STEP_LENGTH = 0.0442, 1.0
+#: Largest yaw of a log, rad.
+MOST_TURNS = 4 * np.pi
 DRIVE, STEPS = "perseverance drive", ("sclk0_0", "sclk1_0", "fast_slip_frac")
 
 
@@ -41,8 +43,8 @@ def read_slip_log(file: str | Path, rover: Rover) -> xr.Dataset:
     Three kinds of CSV are read. Drives of Perseverance (docs/validation.md): their slip is linear between the updates of
     the visual odometry, and so contains the next update before it is made; only the values at the updates are used. Tables of
     steps (`sclk0_0, sclk1_0, fast_slip_frac`): travel is that of the usual speed, at most 1 m a step. CSV with columns
-    `time [s]`, `slip [1]`, `distance [m]` (wheel travel) and, if available, `roll`, `pitch` (unit in the header): slip is
-    held between updates.
+    `time [s]`, `slip [1]`, `distance [m]` (wheel travel) and, if available, `roll`, `pitch` (unit in the header), and `x [m]`,
+    `y [m]`, `yaw` of the body on a map: slip is held between updates, and the drive is forward.
 
     Positions that are corrected while the wheels stand give the slip since the last correction too, 1 − displacement /
     wheel travel, and replace the logged slip of the same travel. Several values of the same travel (less than 0.3 m apart)
@@ -178,6 +180,11 @@ def _plain(table: Table) -> dict[str, Array]:
     if all(table.find(name) is not None for name in ("roll", "pitch")):
         roll, pitch = (_attitude(table, name) for name in ("roll", "pitch"))
         found |= {"along": -np.sin(pitch), "across": np.cos(pitch) * np.sin(roll)}
+    if all(table.find(name) is not None for name in ("x", "y", "yaw")):
+        x, y, yaw = (table.numbers(name) for name in ("x", "y", "yaw"))
+        if (np.abs(yaw) > MOST_TURNS).any():
+            raise RockerbogieError(f"{table.file}: yaw is beyond 4 π: if it is in degrees, write yaw [deg] in the header")
+        found |= {"x": x, "y": y, "yaw": yaw, "heading": np.ones(len(slip))}
     return found
 
 
