@@ -68,6 +68,9 @@ class Visitor:
             self.last = time.perf_counter()
             for message in messages:
                 kind, name = message["type"], message.get("name", "")
+                if kind == "LocalStorageGetItemRequestMessage":
+                    uuid = message["request_uuid"]
+                    await self.send(type="LocalStorageGetItemResponseMessage", value="card", error=None, request_uuid=uuid)
                 self.poses += kind == "SetPositionMessage" and name == "/rover/body"
                 if kind in ("GlbMessage", "MeshMessage"):
                     self.nodes.add(name)

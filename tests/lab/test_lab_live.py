@@ -74,7 +74,7 @@ def test_the_rover_tracks_a_robot_until_it_is_dragged(browser: Any) -> None:
         close_notes(page)
         page.wait_for_selector(".mantine-Notification-root", state="detached")
         body = (session.state.x, session.state.y, float(session.state.pose.z) + 0.2)
-        drag(page, pixel_of(session, body), pixel_of(session, np.array(body) + (-0.2, 0.2, 0.0)))
+        drag(page, pixel_of(page, session, body), pixel_of(page, session, np.array(body) + (-0.2, 0.2, 0.0)))
         wait_for(lambda: session.state.x < 0.15 and at_rest(session), "the dragged rover")
         assert not visible(page, "/ghost/body")
         x = session.state.x

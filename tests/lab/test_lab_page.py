@@ -32,8 +32,8 @@ def test_the_page_shows_the_settled_rover(page: Any, session: Any) -> None:
 
 def test_a_drag_moves_the_rover_and_the_numbers_are_those_of_settle(page: Any, session: Any) -> None:
     body = (session.state.x, session.state.y, float(session.state.pose.z) + 0.2)
-    start = pixel_of(session, body)
-    goal = pixel_of(session, np.array(body) + (0.3, 0.25, 0.0))
+    start = pixel_of(page, session, body)
+    goal = pixel_of(page, session, np.array(body) + (0.3, 0.25, 0.0))
     drag(page, start, goal)
     wait_for(lambda: session.state.x > 0.1, "the rover moves")
     wait_for(lambda: at_rest(session), "the rover at rest")
@@ -53,7 +53,7 @@ def test_a_drag_of_the_ring_turns_the_rover(page: Any, session: Any) -> None:
     start = T[:3, :3] @ side + T[:3, 3]
     turn = rb.body_transform(0, 0, 0, 0, 0, 0.5)[:3, :3]
     goal = turn @ (start - T[:3, 3]) + T[:3, 3]
-    drag(page, pixel_of(session, start), pixel_of(session, goal))
+    drag(page, pixel_of(page, session, start), pixel_of(page, session, goal))
     wait_for(lambda: abs(state.yaw) > 0.1, "the rover turns")
     wait_for(lambda: at_rest(session), "the rover at rest")
     assert state.yaw == pytest.approx(0.5, abs=0.15)

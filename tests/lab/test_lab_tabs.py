@@ -125,7 +125,7 @@ def test_colours_have_a_legend_and_a_map_gives_routes(page: Any, session: Any) -
     wait_for(lambda: "Click the start" in text_of(page, "path"), "the next step")
     state = session.state
     for x, y in ((state.x - 0.35, state.y - 0.45), (state.x + 0.5, state.y - 0.4)):
-        page.mouse.click(*pixel_of(session, (x, y, float(TERRAIN.height(x, y)))))
+        page.mouse.click(*pixel_of(page, session, (x, y, float(TERRAIN.height(x, y)))))
         wait_for(lambda: session.drive_panel.start is not None or session.drive_panel.path is not None, "a point of the route")
     wait_for(lambda: session.drive_panel.path is not None, "the route")
     wait_for(lambda: visible(page, "/path/line") and visible(page, "/path/goal"), "the route in the picture")
@@ -143,7 +143,7 @@ def test_a_simulation_is_a_ghost_with_its_difference_plotted(page: Any, session:
     wait_for(lambda: panel.run is None and at_rest(session), "no run")
     assert not visible(page, "/ghost/body")
     for count, (x, y) in enumerate(((0.0, -0.5), (0.4, -0.5)), 1):
-        page.mouse.click(*pixel_of(session, (x, y, float(state.terrain.height(x, y)))))
+        page.mouse.click(*pixel_of(page, session, (x, y, float(state.terrain.height(x, y)))))
         wait_for(lambda count=count: len(panel.points) == count, "a point of the path")
     press(page, "Drive the path")
     wait_for(lambda: panel.run is not None, "the run")
@@ -197,19 +197,19 @@ def test_a_phone_shows_the_rover_above_a_sheet_of_full_width(browser: Any, lab: 
     )
     assert sheet[:2] == [0, 390]
     state = session.state
-    body = pixel_of(session, (state.x, state.y, float(state.pose.z)))
+    body = pixel_of(phone, session, (state.x, state.y, float(state.pose.z)))
     assert 0 < body[0] < 390
     assert 0 < body[1] < sheet[2]
     for name in ("Drive", "Rover", "Terrain", "Pose"):
         phone.get_by_role("tab", name=name).tap()
         phone.wait_for_selector(f'[role="tab"][aria-selected="true"]:has-text("{name}")')
     x, y = state.x + 0.3, state.y + 0.35
-    goal = pixel_of(session, (x, y, float(state.terrain.height(x, y))))
+    goal = pixel_of(phone, session, (x, y, float(state.terrain.height(x, y))))
     phone.touchscreen.tap(*goal)
     wait_for(lambda: at_rest(session) and abs(state.x - x) < 0.1, "the rover at the tapped point")
     check_numbers(phone, session)
     camera, place = np.array(session.client.camera.position), np.array([state.x, state.y])
-    grabbed = np.array(pixel_of(session, (state.x, state.y, float(state.pose.z) + 0.2)))
+    grabbed = np.array(pixel_of(phone, session, (state.x, state.y, float(state.pose.z) + 0.2)))
     finger = phone.context.new_cdp_session(phone)
     for kind, share in (("touchStart", 0.0), ("touchMove", 0.3), ("touchMove", 0.6), ("touchMove", 1.0), ("touchEnd", None)):
         at = [] if share is None else [dict(zip("xy", map(float, grabbed + share * np.array([-40.0, 10.0])), strict=True))]

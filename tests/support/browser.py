@@ -67,15 +67,16 @@ def text_of(page: Any, key: str) -> str:
     return str(page.inner_text(f'[data-key="{key}"]')).rstrip(" ▲✕")
 
 
-def pixel_of(session: Any, point: Any) -> tuple[float, float]:
-    """Return the pixel at which a point of the world is drawn."""
+def pixel_of(page: Any, session: Any, point: Any) -> tuple[float, float]:
+    """Return the position in the page at which a point of the world is drawn."""
     from scipy.spatial.transform import Rotation
 
     camera = session.client.camera
     turn = Rotation.from_quat(np.roll(camera.wxyz, -1))  # of the camera: z forward, y down
     away = turn.inv().apply(np.asarray(point) - session.terrain_view.offset - np.asarray(camera.position))
-    unit = camera.image_height / 2 / np.tan(camera.fov / 2)
-    return camera.image_width / 2 + unit * away[0] / away[2], camera.image_height / 2 + unit * away[1] / away[2]
+    width, height = page.evaluate("() => { const c = document.querySelector('canvas'); return [c.clientWidth, c.clientHeight]; }")
+    unit = height / 2 / np.tan(camera.fov / 2)
+    return width / 2 + unit * away[0] / away[2], height / 2 + unit * away[1] / away[2]
 
 
 def press(page: Any, name: str) -> None:

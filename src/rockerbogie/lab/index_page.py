@@ -4,26 +4,10 @@ from __future__ import annotations
 
 import gzip
 from functools import lru_cache
+from importlib.resources import files
 
-#: Two corrections, before viser's own script runs:
-#: 1. Browsers give a touch to the element that it begins on. viser takes that for a drag of its own and drops taps on the
-#:    terrain, so the picture's touches are released.
-#: 2. A browser that draws on the processor draws twice as many pictures per second without antialiasing.
-SCRIPT = b"""<script>(() => {
-  addEventListener("pointerdown", (event) => {
-    const { target, pointerId, pointerType } = event;
-    if (pointerType !== "touch" || !(target instanceof HTMLCanvasElement)) return;
-    if (target.hasPointerCapture(pointerId)) target.releasePointerCapture(pointerId);
-  }, true);
-  const gl = document.createElement("canvas").getContext("webgl2");
-  const info = gl && gl.getExtension("WEBGL_debug_renderer_info");
-  const name = info ? gl.getParameter(info.UNMASKED_RENDERER_WEBGL) : "";
-  if (!/swiftshader|llvmpipe|software|basic render/i.test(name)) return;
-  const get = HTMLCanvasElement.prototype.getContext;
-  HTMLCanvasElement.prototype.getContext = function (kind, options) {
-    return get.call(this, kind, kind.startsWith("webgl") ? { ...options, antialias: false } : options);
-  };
-})()</script>"""
+#: Script of `page.js`, which runs before viser's own.
+SCRIPT = b"<script>" + files(__package__).joinpath("page.js").read_bytes() + b"</script>"
 _HEAD = b"<head>"
 
 

@@ -40,23 +40,31 @@ class RoverView:
         self.frames: list[Any] = []
         self.meshes: list[Any] = []
         self.rover: Rover | None = None
+        self._light = False
+        self._dragged: Callable[[Any], Any] | None = None
         self._sent: Array = np.zeros(0)
 
-    def build(self, rover: Rover, light: bool = False) -> None:
+    def build(self, rover: Rover, light: bool = False, visible: bool = True) -> None:
         """Replace the meshes by those of a rover; they appear with the next `place`.
 
         Args:
             rover: the rover.
             light: draw fewer triangles.
+            visible: False: send the meshes only with the first `show`.
         """
         self.remove()
-        self.rover = rover
+        self.rover, self._light = rover, light
+        if visible:
+            self._make(rover)
+
+    def _make(self, rover: Rover) -> None:
+        """Send the meshes of a rover."""
         paths: list[str] = []
         for link, carrier in zip(LINKS, CARRIED_BY, strict=True):
             paths.append(f"{self.name if carrier < 0 else paths[carrier]}/{link}")
         self.frames = [self.scene.add_frame(path, show_axes=False) for path in paths]
         self._sent = np.full((len(LINKS), 3, 4), np.nan)
-        for part in rover_parts(rover, light):
+        for part in rover_parts(rover, self._light):
             self.meshes.append(
                 self.scene.add_mesh_simple(
                     f"{paths[LINKS.index(part.link)]}/{part.name}",
@@ -68,6 +76,8 @@ class RoverView:
                     cast_shadow=self.opacity is None,
                 )
             )
+            if self._dragged is not None:
+                self.meshes[-1].on_drag("left")(self._dragged)
 
     def place(
         self,
@@ -86,7 +96,7 @@ class RoverView:
             steering: (6,) rad; None: 0.
             wheel_turn: (6,) or one angle by which the wheels have turned, rad.
         """
-        if self.rover is None:
+        if self.rover is None or not self.frames:
             return
         x, y, yaw = position
         T = body_transform(x, y, q[0], q[1], q[2], yaw)
@@ -113,16 +123,18 @@ class RoverView:
         Args:
             visible: True to show it.
         """
-        self.frames[0].visible = visible
+        if visible and self.rover is not None and not self.frames:
+            self._make(self.rover)
+        if self.frames:
+            self.frames[0].visible = visible
 
     def on_drag(self, callback: Callable[[Any], Any]) -> None:
-        """Call a function when a visitor drags any part.
+        """Call a function when a visitor drags any part of the rovers that are built from now on.
 
         Args:
             callback: takes viser's drag event.
         """
-        for mesh in self.meshes:
-            mesh.on_drag("left")(callback)
+        self._dragged = callback
 
     def remove(self) -> None:
         """Remove all nodes."""

@@ -185,6 +185,8 @@ def _make_server(host: str, port: int) -> viser.ViserServer:
 
 
 _STARTING = threading.Lock()
+#: Item of the browser's storage in which `page.js` leaves what draws, and the time to wait for it, s.
+RENDERER, ANSWER = "renderer", 3.0
 #: Intensity of the light from the sky.
 SKY = 2.5
 
@@ -203,13 +205,28 @@ def _decorate(lab: Lab) -> None:
 
     def enter(client: viser.ClientHandle) -> None:
         limit_uploads(client, lambda text: client.add_notification("File not read", text, color="red"))
-        session = Session(lab, client)
+        session = Session(lab, client, draws_on_processor(client))
         lab.sessions[client.client_id] = session
         if client.client_id not in server.get_clients():  # left while the session was made
             lab.close(client.client_id)
 
     server.on_client_connect(enter)
     server.on_client_disconnect(lambda client: lab.close(client.client_id))
+
+
+def draws_on_processor(client: viser.ClientHandle) -> bool:
+    """Return True if a visitor's browser has no graphics card.
+
+    Args:
+        client: the visitor.
+
+    Returns:
+        True if `page.js` has found a renderer in software; False without an answer within `ANSWER`.
+    """
+    try:
+        return bool(client.local_storage.get_item(RENDERER, ANSWER) == "processor")
+    except (RuntimeError, TimeoutError):  # blocked by the browser, or left
+        return False
 
 
 def limit_uploads(client: viser.ClientHandle, refuse: Callable[[str], Any]) -> None:

@@ -27,7 +27,7 @@ from .readings import measure, readings, readings_html, wheels_html
 from .rover_panel import RoverPanel
 from .rover_view import RoverView, TurnRing
 from .state import LabState, standing
-from .style import HINT
+from .style import HINT, SOFTWARE, note_html
 from .terrain_panel import TerrainPanel
 from .terrain_view import TerrainView, usual_colour
 from .uploads import message_of
@@ -35,8 +35,9 @@ from .uploads import message_of
 if TYPE_CHECKING:
     import viser
 
-#: Frames per second while the rover moves, and updates per second of the numbers.
-FRAMES = 60.0
+#: Frames per second while the rover moves; in light drawing, which shares the processor with the browser; updates per second
+#: of the numbers.
+FRAMES, LIGHT_FRAMES = 60.0, 45.0
 NUMBERS = 12.0
 
 
@@ -49,14 +50,15 @@ class Session:
     Args:
         lab: the server's scene and limits.
         client: viser's handle of the visitor.
+        software: True if the visitor's browser has no graphics card.
     """
 
-    def __init__(self, lab: Lab, client: viser.ClientHandle) -> None:
+    def __init__(self, lab: Lab, client: viser.ClientHandle, software: bool = False) -> None:
         self.lab, self.client = lab, client
         self.state = LabState(lab.rover, lab.terrain, *lab.start, mode="contact", gravity=lab.gravity)
         self.maps = lab.maps
         self.colour = usual_colour(lab.maps)
-        self.light = lab.light
+        self.light = lab.light or software
         self.frames = 0  # drawn since the session began
         self.slowest = 0.0  # s, slowest frame so far
         self._jobs: OrderedDict[Any, Callable[[], None]] = OrderedDict()
@@ -69,11 +71,15 @@ class Session:
         scene, gui = client.scene, client.gui
         self.rover_view = RoverView(scene, "/rover")
         self.ghost = RoverView(scene, "/ghost", opacity=0.4)
+        for view in (self.rover_view, self.ghost):
+            view.on_drag(self._dragged)  # the ghost may stand in front of the rover
         self.ring = TurnRing(scene, "/ring")
         self.terrain_view = TerrainView(scene)
         self.forces = ForcesView(scene)
         with client.atomic():
             gui.add_html(HINT)
+            if software:
+                gui.add_html(note_html(SOFTWARE, "software"))
             self.numbers = gui.add_html("")
             tabs = gui.add_tab_group()
             with tabs.add_tab("Pose"):
@@ -190,7 +196,7 @@ class Session:
             self.attempt(self._frame)
             spent = time.perf_counter() - began
             if self._moving():
-                time.sleep(max(0.0, 1.0 / FRAMES - spent))
+                time.sleep(max(0.0, 1.0 / (LIGHT_FRAMES if self.light else FRAMES) - spent))
 
     def _moving(self) -> bool:
         """Return True if the next frame differs from this one without a new job."""
@@ -213,10 +219,8 @@ class Session:
 
     def show_rover(self) -> None:
         """Build the meshes of the rover."""
-        for view in (self.rover_view, self.ghost):
-            view.build(self.state.rover, self.light)
-            view.on_drag(self._dragged)  # the ghost may stand in front of the rover
-        self.ghost.show(False)
+        self.rover_view.build(self.state.rover, self.light)
+        self.ghost.build(self.state.rover, self.light, visible=False)
         self.ring.build(self.state.rover, self._turned)
         self.redraw()
 

@@ -18,6 +18,8 @@ HINT = (
     CSS + '<div data-key="hint" style="padding:.5em .8em .3em;font-size:14px"><b>Drag the rover</b> over the terrain: it settles '
     "as you drag. <b>Drag the yellow ring</b> to turn it.</div>"
 )
+#: Note in a browser that draws on the processor.
+SOFTWARE = "This browser has no graphics card: light drawing is on, and the view is coarser while it moves (tab Terrain)."
 
 
 def note_html(text: str, key: str = "", warning: bool = False) -> str:
