@@ -6,6 +6,7 @@ import numpy as np
 
 import rockerbogie as rb
 from rockerbogie.figures.scene.colours import Legend
+from rockerbogie.figures.scene.terrain_mesh import Grid, edge_error, grid_mesh, terrain_grid
 from rockerbogie.lab.terrain_view import COARSE, MOST_FINE, TILE, legend_html, near_tiles, tiles_of
 
 
@@ -45,3 +46,32 @@ def test_a_legend_shows_degrees_and_classes() -> None:
     assert "grid 1 m" in text
     classes = legend_html(Legend("passable", "", 0, 1, colours[:2], ("none <", "all")), "")
     assert "none &lt;" in classes
+
+
+def test_skirts_cover_the_gaps_between_tiles_of_different_spacing() -> None:
+    terrain = rb.Terrain.from_array(rb.surfaces.fractal(size=20.0, spacing=0.05, seed=4).z, 0.05, interpolation="linear")
+    half = (terrain.bounds[0], terrain.bounds[1], 10.0, terrain.bounds[3])
+    fine, coarse = terrain_grid(terrain, half, 10**6), terrain_grid(terrain, half, 300)
+    error = edge_error(terrain, coarse)
+    assert edge_error(terrain, fine) < 1e-12
+    deviations = [
+        np.abs(np.interp(fine.y, coarse.y, coarse.z[:, -1]) - fine.z[:, -1]),
+        np.abs(np.interp(fine.x, coarse.x, coarse.z[0]) - fine.z[0]),
+    ]
+    assert max(map(np.max, deviations)) <= error
+    assert error > 0.01
+    plain, mesh = grid_mesh(coarse), grid_mesh(coarse, skirt=2 * error)
+    rows, cols = coarse.z.shape
+    around = 2 * (rows + cols) - 4
+    assert len(mesh.faces) == len(plain.faces) + 2 * around
+    assert np.array_equal(mesh.vertices[: len(plain.vertices)], plain.vertices)
+    ends = mesh.vertices[len(plain.vertices) :].reshape(2, around + 1, 3)
+    assert np.allclose(ends[0] - ends[1], (0, 0, 2 * error))
+    assert len(mesh.colours) == len(mesh.vertices)
+
+
+def test_a_skirt_leaves_out_missing_data() -> None:
+    z = np.zeros((5, 6))
+    z[0, 2] = np.nan
+    grid = Grid(np.arange(6.0), np.arange(5.0), z, "")
+    assert len(grid_mesh(grid, skirt=1.0).faces) == len(grid_mesh(grid).faces) + 2 * (2 * (5 + 6) - 4 - 2)

@@ -13,12 +13,13 @@ from ..figures.scene.colours import Legend
 from ..figures.scene.terrain_mesh import (
     MODES,
     TRIANGLES,
+    Grid,
     TerrainMesh,
     coloured_values,
+    edge_error,
     graded_grid,
     grid_mesh,
     terrain_grid,
-    terrain_mesh,
 )
 from ..terrain.heightfield import Terrain
 
@@ -105,6 +106,7 @@ class TerrainView:
         self._coarse: dict[tuple[int, int], Any] = {}
         self._fine: dict[tuple[int, int], Any] = {}
         self._paint: dict[str, Any] = {}
+        self._skirt = 0.0  # m, below the edges of tiles
         self._terrain: Terrain | None = None
         self.light = False
         self._near: Any = None  # mesh of light drawing
@@ -138,8 +140,10 @@ class TerrainView:
             return
         whole = len(self._tiles) == 1
         self.note = note if whole else f"{note}; all nodes near the rover. The rover settles on all data."
-        for tile in self._tiles:
-            self._coarse[tile.key] = self._add("coarse", tile, COARSE // len(self._tiles))
+        grids = [terrain_grid(terrain, tile.bounds, max(2, COARSE // len(self._tiles))) for tile in self._tiles]
+        self._skirt = 0.0 if whole else 2.0 * max(edge_error(terrain, grid) for grid in grids)
+        for tile, grid in zip(self._tiles, grids, strict=True):
+            self._coarse[tile.key] = self._add("coarse", tile, grid)
 
     def refine(self, x: float, y: float, radius: float) -> None:
         """Draw the terrain near a position with all nodes, and the rest with a coarse grid.
@@ -151,7 +155,7 @@ class TerrainView:
         """
         if self.light:
             self._refine_light(x, y, radius)
-        if len(self._tiles) <= 1:
+        if self._terrain is None or len(self._tiles) <= 1:
             return
         wanted = {tile.key: tile for tile in near_tiles(self._tiles, x, y, radius)}
         for key in [key for key in self._fine if key not in wanted]:
@@ -159,7 +163,7 @@ class TerrainView:
             self._fine.pop(key).remove()
         for key, tile in wanted.items():
             if key not in self._fine:
-                self._fine[key] = self._add("fine", tile, TRIANGLES)
+                self._fine[key] = self._add("fine", tile, terrain_grid(self._terrain, tile.bounds, TRIANGLES))
                 self._coarse[key].visible = False
 
     def _refine_light(self, x: float, y: float, radius: float) -> None:
@@ -175,10 +179,9 @@ class TerrainView:
         if old is not None:
             old.remove()
 
-    def _add(self, kind: str, tile: Tile, triangles: int) -> Any:
-        """Add the mesh of a tile to the scene, with its colours."""
-        assert self._terrain is not None
-        mesh = terrain_mesh(self._terrain, tile.bounds, triangles=max(2, triangles), **self._paint)
+    def _add(self, kind: str, tile: Tile, grid: Grid) -> Any:
+        """Add the mesh of a tile to the scene, with colours and a skirt."""
+        mesh = grid_mesh(grid, skirt=self._skirt, **self._paint)
         return self._show(f"/terrain/{kind}_{tile.key[0]}_{tile.key[1]}", mesh)
 
     def _show(self, node: str, mesh: TerrainMesh) -> Any:

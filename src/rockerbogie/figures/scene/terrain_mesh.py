@@ -236,7 +236,7 @@ def terrain_mesh(
 
 def grid_mesh(
     grid: Grid, colour: str = "height", maps: xr.Dataset | None = None, limits: tuple[float, float] | None = None,
-    colour_map: str | None = None, shaded: bool = True,
+    colour_map: str | None = None, shaded: bool = True, skirt: float = 0.0,
 ) -> TerrainMesh:  # fmt: skip
     """Return a grid of heights as triangles with colours.
 
@@ -247,6 +247,7 @@ def grid_mesh(
         limits: values of the first and last colour.
         colour_map: viridis, cividis or terrain.
         shaded: multiply colours by the hillshade.
+        skirt: height of a vertical strip below the outer edges, m. It covers gaps to neighbouring meshes of other spacing.
 
     Returns:
         The mesh; cells with missing data are left out.
@@ -264,11 +265,58 @@ def grid_mesh(
         colours = colours_of(values, legend)
     if colour == "hillshade" or (shaded and colour != "plain"):
         colours = colours * hillshade(x, y, z)[..., None]
+    colours = np.reshape(colours, (-1, 3))
     faces = grid_faces(z)
+    if skirt > 0.0:
+        edge, strip = _edge_strip(z)
+        faces = np.concatenate([faces, strip + len(points)])
+        points = np.concatenate([points, points[edge], points[edge] - (0.0, 0.0, skirt)])
+        colours = np.concatenate([colours, colours[edge], colours[edge]])
     used = np.unique(faces)
     place = np.zeros(len(points), dtype=np.int32)
     place[used] = np.arange(len(used), dtype=np.int32)
-    return TerrainMesh(points[used], place[faces], np.array(colours.reshape(-1, 3)[used]), legend, note)
+    return TerrainMesh(points[used], place[faces], np.array(colours[used]), legend, note)
+
+
+def _edge_strip(z: Array) -> tuple[Index, Index]:
+    """Return the nodes along the outer edges of a grid, and the triangles of a strip below them.
+
+    Args:
+        z: (rows, cols) m; the strip is interrupted where heights are missing.
+
+    Returns:
+        Nodes (n,) of the flat grid, around it; triangles (m, 3), indices into these nodes followed by their copies below.
+    """
+    node = np.arange(z.size).reshape(z.shape)
+    around = np.concatenate([node[0], node[1:, -1], node[-1, -2::-1], node[-2::-1, 0]])  # ends where it begins
+    known = np.isfinite(z.ravel()[around])
+    k = np.flatnonzero(known[:-1] & known[1:])
+    below = k + len(around)
+    strip = np.concatenate([np.stack([k, below, k + 1], axis=1), np.stack([k + 1, below, below + 1], axis=1)])
+    return around, strip.astype(np.int32)
+
+
+def edge_error(terrain: Terrain, grid: Grid) -> float:
+    """Return the greatest height between the outer edges of a grid and those of the terrain.
+
+    Args:
+        terrain: the terrain.
+        grid: of a part of it.
+
+    Returns:
+        m; 0 without data.
+    """
+    fine = FINEST if terrain.interpolation == "cubic" else 1
+    worst = 0.0
+    for axis, along, across in ((0, grid.x, grid.y), (1, grid.y, grid.x)):
+        count = round((along[-1] - along[0]) / terrain.spacing[axis]) * fine + 1
+        at = np.linspace(along[0], along[-1], count)
+        for end in (0, -1):
+            beside = np.full(count, across[end])
+            drawn = np.interp(at, along, grid.z[end] if axis == 0 else grid.z[:, end])
+            error = np.abs((terrain.height(at, beside) if axis == 0 else terrain.height(beside, at)) - drawn)
+            worst = max(worst, float(np.max(error, initial=0.0, where=np.isfinite(error))))
+    return worst
 
 
 def coloured_values(
