@@ -103,7 +103,7 @@ def predict(
     step
         Length of an integration step, m. Default: a quarter of the wheel radius.
     tolerance
-        Halve steps while the error of their energy balance exceeds this share, such as 1e-6. Default: steps are not halved.
+        Halve steps while the error of their energy balance exceeds this share, such as 1e-6. Default: only steps without a solution.
     gravity
         earth, mars, moon, or a number in m/s².
     torque

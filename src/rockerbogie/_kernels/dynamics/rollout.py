@@ -15,7 +15,7 @@ from ..model.linkage import P_RADIUS, Z, set_hub_offsets
 from ..model.mass import centre_of_mass
 from ..model.wheel import CONTACT_SIZE
 from ..search.workspace import WORK_SIZE, Work, lay_out
-from ..solve.newton import CONVERGED, beyond_stops, settle_contact
+from ..solve.newton import CONVERGED, NOT_CONVERGED, beyond_stops, settle_contact
 from .contact_law import FORCE, OVERLOAD, RIM, SINKAGE, TORQUE
 from .equilibrium_motion import MOTION_SIZE, Law, Motion, new_motion, reset_motion, solve_motion
 from .near import settle_near
@@ -53,6 +53,7 @@ R_SIZE = 83
 
 
 DEEPEST = 12  # halvings of a step
+RETRIES = 4  # halvings of a step without a solution, where no tolerance is given
 
 
 class Drive(NamedTuple):
@@ -325,7 +326,7 @@ def predict_batch(
         gravity: m/s².
         torque: (6,) torque limits, N m; inf without a limit.
         tolerance: a step is halved while the error of its energy balance exceeds this share of the work that lifts the rover's
-            weight by the step's length; inf: never.
+            weight by the step's length; inf: only a step without a pose or a motion is halved.
         every: steps between records.
         out: (n, records, R_SIZE) filled; NaN after the end of a drive.
         ends: (n, 2) filled with the code of the end and the number of steps done.
@@ -374,7 +375,11 @@ def predict_batch(
                         code, steps = evaluate(land, car, True, command, drive, work, s, m, state)
                     gain = -s.weight[2] * (state.height[0] - kept[20])
                     error = abs(share / 6.0 * (state.total[3] - state.total[4]) - gain)
-                    if depth < DEEPEST and worst < math.inf and (code != CONVERGED or not error <= worst):
+                    if worst < math.inf:
+                        halve = depth < DEEPEST and (code != CONVERGED or not error <= worst)
+                    else:  # a stage may lack a pose or a motion only because the step is long
+                        halve = depth < RETRIES and (code == NO_BALANCE or code == NOT_CONVERGED)
+                    if halve:
                         restore(state, work, m)
                         depth += 1
                         continue
