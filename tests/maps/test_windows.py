@@ -55,7 +55,7 @@ def test_windows_equal_parts_of_the_whole_terrain(kind: Any, missing: bool) -> N
     for rows in [*spans, (618, 620), (0, 620)]:
         for cols in spans:
             laid, taken = window_of(z, rows, cols, whole), crop(terrain, rows, cols)
-            for name in ("z", "grid", "upper_bound", "meta"):
+            for name in ("z", "grid", "upper_bound", "meta", "bridged"):
                 assert same(getattr(laid, name), getattr(taken, name)), f"{name} of rows {rows}, columns {cols}"
             assert laid.bounds == taken.bounds
 
@@ -110,7 +110,7 @@ def test_no_node_outside_a_window_is_read(kind: Any) -> None:
     buried[20:-20] = bare.grid
     upper_bound = np.full((bare.upper_bound.shape[0] + 40, bare.upper_bound.shape[1]), np.nan)
     upper_bound[20:-20] = bare.upper_bound
-    derived = Derived(buried[20:-20], upper_bound[20:-20], bare.meta)
+    derived = Derived(buried[20:-20], upper_bound[20:-20], bare.meta, buried[20:-20])
     window = assemble(bare.z, bare.spacing, bare.origin, bare.interpolation, bare.crs, bare.name, derived)
     for mode in ("contact", "equilibrium"):
         here, there = (rb.settle(rover, t, x, y, yaw, mode=mode) for t in (terrain, window))  # type: ignore[arg-type]
@@ -158,7 +158,7 @@ def test_a_file_read_in_windows_equals_the_file_read_at_once(data: Callable[[str
         assert filed.whole == hold_ground(terrain).whole
         assert filed.digest() == hold_ground(terrain).digest()
         for rows, cols in (((0, 90), (200, 300)), ((240, 270), (500, 513))):
-            for name in ("z", "grid", "upper_bound", "meta"):
+            for name in ("z", "grid", "upper_bound", "meta", "bridged"):
                 assert same(getattr(filed.window(rows, cols), name), getattr(crop(terrain, rows, cols), name))
 
 
@@ -181,5 +181,5 @@ def test_the_reference_height_of_a_file_is_that_of_its_terrain(tmp_path: Any, mo
             assert filed.whole == hold_ground(terrain).whole
             assert abs(filed.whole.level + 4450) <= 1
             for rows, cols in (((0, 40), (0, 40)), ((300, 420), (500, 590))):
-                for name in ("z", "grid", "upper_bound", "meta"):
+                for name in ("z", "grid", "upper_bound", "meta", "bridged"):
                     assert same(getattr(filed.window(rows, cols), name), getattr(crop(terrain, rows, cols), name))

@@ -306,6 +306,8 @@ def _differs_everywhere(old: Terrain, new: Terrain, rover: Rover) -> bool:
 def _changed_nodes(old: Terrain, new: Terrain) -> NDArray[np.bool_]:
     """Return the nodes (rows, cols) at which an array that kernels read has other bits."""
     changed = _bits(old.upper_bound) != _bits(new.upper_bound)
+    if new.interpolation == "linear":
+        changed |= _bits(old.bridged) != _bits(new.bridged)
     other = _bits(old.grid) != _bits(new.grid)
     ring = new.grid.shape[0] - new.upper_bound.shape[0]  # 2 for spline coefficients: those around a node act on it
     rows, cols = changed.shape

@@ -11,13 +11,14 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .._kernels import batch
+from .._kernels import batch, coverage
 from .._kernels.jit.parallel import parallel_for
-from .._kernels.model.ground import META_MAX_CURVATURE, META_STEEP
+from .._kernels.model.ground import META_MAX_CURVATURE, META_STEEP, Ground
 from .._kernels.simd.layout import LANES
 from ..arrays import Array
 from ..rover.model import Rover
 from ..terrain.heightfield import Terrain
+from ..terrain.spline import BRIDGE
 from .status import Status
 
 Mode = Literal["contact", "equilibrium"]
@@ -75,15 +76,20 @@ def use_engine(engine: Engine) -> Iterator[None]:
 def _contact_cubic(poses: Batch) -> None:
     """Solve in contact mode on cubic terrain: SIMD lanes, then the scalar engine for the rest."""
     parallel_for(batch.settle_cubic, poses.status.size, *_inputs(poses), plain=_leave)
-    _contact_left(poses)
+    _contact_left(poses, _inputs(poses))
     _contact_bridged(poses)
 
 
 def _contact_linear(poses: Batch) -> None:
-    """Solve in contact mode on bilinear terrain: SIMD lanes, then the scalar engine."""
-    parallel_for(batch.settle_linear, poses.status.size, *_inputs(poses), _lane_order(poses), plain=_leave)
-    _contact_left(poses)
-    _contact_bridged(poses)
+    """Solve in contact mode on bilinear terrain: SIMD lanes, then the scalar engine.
+
+    Missing data is bridged first, and poses with a tread over it are refused at the end. So missing data takes no more time.
+    """
+    inputs = _inputs(poses, poses.terrain.packed_bridged)
+    parallel_for(batch.settle_linear, poses.status.size, *inputs, _lane_order(poses), plain=_leave)
+    _refuse_far(poses, inputs)
+    _contact_left(poses, inputs)
+    _refuse_uncovered(poses)
 
 
 def _leave(*args: Any) -> None:
@@ -92,21 +98,43 @@ def _leave(*args: Any) -> None:
     status[:] = batch.UNSETTLED
 
 
-def _contact_left(poses: Batch) -> None:
+def _contact_left(poses: Batch, inputs: tuple[object, ...]) -> None:
     """Solve the poses whose status is UNSETTLED one by one."""
     if UNSETTLED in poses.status.tobytes():  # for one pose, comparing arrays takes as long as a tenth of settling it
         left = np.flatnonzero(poses.status == batch.UNSETTLED)
-        parallel_for(batch.settle_left, left.size, *_inputs(poses), left)
+        parallel_for(batch.settle_left, left.size, *inputs, left)
 
 
-def _contact_scalar(poses: Batch) -> None:
-    """Solve every pose in contact mode by itself."""
+def _contact_cubic_scalar(poses: Batch) -> None:
+    """Solve every pose in contact mode on cubic terrain by itself."""
     parallel_for(batch.settle_left, poses.status.size, *_inputs(poses), np.arange(poses.status.size))
     _contact_bridged(poses)
 
 
+def _contact_linear_scalar(poses: Batch) -> None:
+    """Solve every pose in contact mode on bilinear terrain by itself."""
+    inputs = _inputs(poses, poses.terrain.packed_bridged)
+    _leave(*inputs)
+    _refuse_far(poses, inputs)
+    _contact_left(poses, inputs)
+    _refuse_uncovered(poses)
+
+
+def _refuse_far(poses: Batch, inputs: tuple[object, ...]) -> None:
+    """Refuse the UNSETTLED poses with a wheel far inside missing data, on bilinear terrain that has some."""
+    if poses.terrain.bridged is not poses.terrain.grid:
+        left = np.flatnonzero(poses.status == batch.UNSETTLED)
+        parallel_for(coverage.refuse_far, left.size, *inputs, BRIDGE * min(poses.terrain.spacing), left)
+
+
+def _refuse_uncovered(poses: Batch) -> None:
+    """Refuse the poses with a tread over missing data, on bilinear terrain that has some."""
+    if poses.terrain.bridged is not poses.terrain.grid:
+        parallel_for(coverage.refuse_uncovered, poses.status.size, *_inputs(poses))
+
+
 def _contact_bridged(poses: Batch) -> None:
-    """Solve again, with missing data bridged, for the poses without one over known terrain."""
+    """Solve again on cubic terrain, with missing data bridged, for the poses without one over known terrain."""
     left = _refused(poses)
     if left.size > 0:
         parallel_for(batch.settle_bridged, left.size, *_inputs(poses), left)
@@ -159,10 +187,10 @@ def _refused(poses: Batch) -> NDArray[np.int64]:
     return np.flatnonzero(np.isin(poses.status, (Status.NO_DATA, Status.NOT_CONVERGED, Status.TIPPED)))
 
 
-def _inputs(poses: Batch) -> tuple[object, ...]:
-    """Return the leading arguments that all batch kernels share."""
+def _inputs(poses: Batch, ground: Ground | None = None) -> tuple[object, ...]:
+    """Return the leading arguments that all batch kernels share; the terrain is the batch's, unless given."""
     return (
-        poses.terrain.packed,
+        poses.terrain.packed if ground is None else ground,
         poses.rover.packed,
         poses.x,
         poses.y,
@@ -201,8 +229,8 @@ def _by_heading(yaw: Array) -> NDArray[np.int64]:
 ENGINES: dict[tuple[Mode, Literal["linear", "cubic"], Engine], Callable[[Batch], None]] = {
     ("contact", "cubic", "simd"): _contact_cubic,
     ("contact", "linear", "simd"): _contact_linear,
-    ("contact", "cubic", "scalar"): _contact_scalar,
-    ("contact", "linear", "scalar"): _contact_scalar,
+    ("contact", "cubic", "scalar"): _contact_cubic_scalar,
+    ("contact", "linear", "scalar"): _contact_linear_scalar,
     ("equilibrium", "cubic", "simd"): _equilibrium_cubic,
     ("equilibrium", "linear", "simd"): _equilibrium_linear,
     ("equilibrium", "cubic", "scalar"): _equilibrium_scalar,

@@ -42,6 +42,7 @@ class Terrain:
     grid: Array = field(init=False, repr=False)  # window.Derived
     upper_bound: Array = field(init=False, repr=False)
     meta: Array = field(init=False, repr=False)
+    bridged: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Check the fields, and derive the arrays for the kernels."""
@@ -178,6 +179,11 @@ class Terrain:
         return kind(self.grid, self.upper_bound, self.meta)
 
     @property
+    def packed_bridged(self) -> ground.Ground:
+        """Arguments that kernels take for bilinear terrain without missing data: near nodes fill it."""
+        return ground.LinearGround(self.bridged, self.bridged, self.meta)
+
+    @property
     def bounds(self) -> tuple[float, float, float, float]:
         """xmin, ymin, xmax, ymax of the nodes, m."""
         rows, cols = self.z.shape
@@ -282,11 +288,14 @@ def crop(terrain: Terrain, rows: tuple[int, int], cols: tuple[int, int]) -> Terr
     ring = terrain.grid.shape[0] - terrain.upper_bound.shape[0]
     grid = np.ascontiguousarray(terrain.grid[rows[0] : rows[1] + ring, cols[0] : cols[1] + ring])
     z, upper_bound = (np.ascontiguousarray(a[slice(*rows), slice(*cols)]) for a in (terrain.z, terrain.upper_bound))
+    bridged = grid
+    if terrain.bridged is not terrain.grid:
+        bridged = np.ascontiguousarray(terrain.bridged[slice(*rows), slice(*cols)])
     meta = terrain.meta.copy()
     meta[[ground.META_ROW, ground.META_COL]] = rows[0], cols[0]
     (dx, dy), (x0, y0) = terrain.spacing, terrain.origin
     origin = (x0 + cols[0] * dx, y0 + rows[0] * dy)
-    derived = Derived(grid, upper_bound, meta)
+    derived = Derived(grid, upper_bound, meta, bridged)
     return assemble(z, terrain.spacing, origin, terrain.interpolation, terrain.crs, terrain.name, derived)
 
 

@@ -126,6 +126,29 @@ def _not_a_knot(z: Array) -> Array:
     return c
 
 
+def bridge(z: Array) -> Array:
+    """Return heights with missing data filled from near nodes.
+
+    A node takes the height of the nearest node with data in its row, then in its column, within `BRIDGE` nodes. So the result at a
+    node depends only on nodes within `BRIDGE` rows and columns.
+
+    Args:
+        z: (rows, cols) m; NaN is missing data.
+
+    Returns:
+        (rows, cols) m; NaN where no node with data is near enough.
+    """
+    out = z.copy()
+    for axis in (1, 0):
+        lines = out if axis == 1 else out.T
+        gaps = np.flatnonzero(np.isnan(lines).any(axis=1))
+        for start in range(0, gaps.size, TILE):  # to limit memory
+            at = gaps[start : start + TILE]
+            filled, near = _nearest(lines[at], ~np.isnan(lines[at]), 1)
+            lines[at] = np.where(near, filled, np.nan)
+    return out
+
+
 def _bridged(z: Array, known: NDArray[np.bool_]) -> Array:
     """Return heights with missing data filled from near nodes, so that the spline exists.
 

@@ -41,6 +41,7 @@ class Derived(NamedTuple):
     grid: Array  # nodes, or spline coefficients with a ring around them, above the reference height
     upper_bound: Array  # (rows, cols) nodes of a bilinear surface that the terrain never exceeds
     meta: Array  # position, spacing and bounds: _kernels.model.ground.META_*
+    bridged: Array  # grid of bilinear terrain with missing nodes filled from near ones (`spline.bridge`); else `grid` itself
 
 
 def check_grid(name: str, shape: tuple[int, int], spacing: tuple[float, float], origin: tuple[float, float]) -> None:
@@ -153,7 +154,7 @@ def nodes_needed(start: int, stop: int, count: int, interpolation: Interpolation
         First and one past the last.
     """
     if interpolation == "linear":
-        return start, stop
+        return max(start - spline.BRIDGE, 0), min(stop + spline.BRIDGE, count)
     return spline.nodes_needed(max(start - 1, 0), min(stop + 1, count), count)
 
 
@@ -175,7 +176,10 @@ def derive(
     part = heights[rows[0] - first[0] : rows[1] - first[0], cols[0] - first[1] : cols[1] - first[1]]
     curvature = steep = np.inf
     if whole.interpolation == "linear":
-        grid = upper_bound = np.ascontiguousarray(part - whole.level)
+        grid = upper_bound = bridged = np.ascontiguousarray(part - whole.level)
+        if np.isnan(part).any():
+            filled = spline.bridge(heights - whole.level)
+            bridged = np.ascontiguousarray(filled[rows[0] - first[0] : rows[1] - first[0], cols[0] - first[1] : cols[1] - first[1]])
         steep = slope(greatest_rises(part), whole.spacing) if whole.curvature is None else whole.steep
     else:
         # one node more around, because the upper bound at a node needs the four cells around it
@@ -186,14 +190,14 @@ def derive(
             if whole.curvature is None
             else whole.curvature
         )
-        grid = np.ascontiguousarray(c[rows[0] - r0 : rows[1] - r0 + 2, cols[0] - c0 : cols[1] - c0 + 2])
+        grid = bridged = np.ascontiguousarray(c[rows[0] - r0 : rows[1] - r0 + 2, cols[0] - c0 : cols[1] - c0 + 2])
         upper_bound = np.ascontiguousarray(spline.upper_bound(c)[rows[0] - r0 : rows[1] - r0, cols[0] - c0 : cols[1] - c0])
     (dx, dy), (x0, y0) = whole.spacing, whole.origin
     meta = np.zeros(ground.META_SIZE)
     meta[[ground.META_X, ground.META_Y, ground.META_Z, ground.META_DX, ground.META_DY]] = x0, y0, whole.level, dx, dy
     meta[[ground.META_NX, ground.META_NY, ground.META_ROW, ground.META_COL]] = *whole.shape[::-1], rows[0], cols[0]
     meta[[ground.META_CUBIC, ground.META_MAX_CURVATURE, ground.META_STEEP]] = whole.interpolation == "cubic", curvature, steep
-    return part, Derived(grid, upper_bound, meta)
+    return part, Derived(grid, upper_bound, meta, bridged)
 
 
 def greatest_rises(z: Array, so_far: tuple[float, float] = (0.0, 0.0)) -> tuple[float, float]:
