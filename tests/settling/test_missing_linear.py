@@ -31,14 +31,14 @@ def test_poses_are_those_of_the_filled_map_or_refused(engine: str, side: int, co
     """A pose is refused exactly if a tread lies over missing data."""
     rover, (gappy, filled) = rb.load_rover("osr"), holed(side, side, count)
     rng = np.random.default_rng(7)
-    x, y, yaw = rng.uniform(3.5, 9.5, 400), rng.uniform(-1.5, 3.4, 400), rng.uniform(-np.pi, np.pi, 400)
+    x, y, yaw = rng.uniform(3.5, 9.5, 100), rng.uniform(-1.5, 3.4, 100), rng.uniform(-np.pi, np.pi, 100)
     with use_engine(engine):  # type: ignore[arg-type]
         found, whole = rb.settle(rover, gappy, x, y, yaw), rb.settle(rover, filled, x, y, yaw)
     at = np.flatnonzero(np.isin(whole.status, (rb.Status.CONVERGED, rb.Status.JOINT_STOP)))
     there = replace(some(whole, at), terrain=gappy)
     inside, outside = tread_known(there, -1e-6).all(axis=1), tread_known(there, 1e-6).all(axis=1)
     kept, refused = at[outside], at[~inside]
-    assert min(kept.size, refused.size) > 20
+    assert min(kept.size, refused.size) > 5
     assert (found.status[kept] == whole.status[kept]).all()
     np.testing.assert_allclose(found.q[kept], whole.q[kept], rtol=0.0, atol=1e-8)
     assert (found.status[refused] == rb.Status.NO_DATA).all()
