@@ -28,7 +28,8 @@ from rockerbogie.figures import raster_kernels
 SIGNATURES = {
     batch.settle_cubic: 1, batch.settle_linear: 1, batch.settle_left: 2, batch.rest_batch: 2, batch.rest_left: 2,
     batch.touch_batch: 2, batch.clearance_batch: 2, ground.surface_batch: 2, gap.verify_batch: 1,
-    batch.settle_bridged: 1, coverage.refuse_uncovered: 1, coverage.refuse_far: 1, batch.rest_bridged: 2, loads.belly_batch: 2, loads.loads_batch: 1, loads.stability_batch: 1,
+    batch.settle_bridged: 1, coverage.refuse_uncovered: 1, coverage.refuse_far: 1,
+    batch.rest_bridged: 2, loads.belly_batch: 2, loads.loads_batch: 1, loads.stability_batch: 1,
     bilinear_touch.touch_linear: 1,
     rollout.predict_batch: 2,
     forces.forces_batch: 1, forces.motion_batch: 1, table.table_batch: 1, table.motion_table_batch: 1,

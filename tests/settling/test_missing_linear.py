@@ -1,4 +1,4 @@
-"""Contact mode on bilinear terrain with missing data: poses are those of the filled map, or are refused."""
+"""Contact mode on bilinear terrain with missing data: poses of the filled map, or none."""
 
 from __future__ import annotations
 

@@ -66,9 +66,9 @@ def refuse_far(
     far: float, left: NDArray[np.int64],
     start: int, stop: int,
 ) -> None:  # fmt: skip
-    """Refuse poses that have a wheel farther than the rover's reach from data when the rover is level.
+    """Refuse poses at which a wheel is farther from data than the rover's reach.
 
-    Only nodes within the rover's reach are read.
+    The wheels are those of the level rover. Only nodes within the rover's reach are read.
 
     Args:
         ground, rover: the packed bilinear terrain, bridged up to `far`, and the rover.

@@ -121,7 +121,7 @@ def _contact_linear_scalar(poses: Batch) -> None:
 
 
 def _refuse_far(poses: Batch, inputs: tuple[object, ...]) -> None:
-    """Refuse the UNSETTLED poses with a wheel far inside missing data, on bilinear terrain that has some."""
+    """Refuse the UNSETTLED poses on bilinear terrain with a wheel far inside missing data."""
     if poses.terrain.bridged is not poses.terrain.grid:
         left = np.flatnonzero(poses.status == batch.UNSETTLED)
         parallel_for(coverage.refuse_far, left.size, *inputs, BRIDGE * min(poses.terrain.spacing), left)
@@ -134,7 +134,7 @@ def _refuse_uncovered(poses: Batch) -> None:
 
 
 def _contact_bridged(poses: Batch) -> None:
-    """Solve again on cubic terrain, with missing data bridged, for the poses without one over known terrain."""
+    """Solve the refused poses again on cubic terrain, with missing data bridged."""
     left = _refused(poses)
     if left.size > 0:
         parallel_for(batch.settle_bridged, left.size, *_inputs(poses), left)
@@ -188,7 +188,10 @@ def _refused(poses: Batch) -> NDArray[np.int64]:
 
 
 def _inputs(poses: Batch, ground: Ground | None = None) -> tuple[object, ...]:
-    """Return the leading arguments that all batch kernels share; the terrain is the batch's, unless given."""
+    """Return the leading arguments that all batch kernels share.
+
+    The terrain is the batch's, unless `ground` is given.
+    """
     return (
         poses.terrain.packed if ground is None else ground,
         poses.rover.packed,

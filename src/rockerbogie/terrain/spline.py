@@ -129,8 +129,8 @@ def _not_a_knot(z: Array) -> Array:
 def bridge(z: Array) -> Array:
     """Return heights with missing data filled from near nodes.
 
-    A node takes the height of the nearest node with data in its row, then in its column, within `BRIDGE` nodes. So the result at a
-    node depends only on nodes within `BRIDGE` rows and columns.
+    A node takes the height of the nearest node with data in its row, then in its column, within `BRIDGE` nodes. So it depends
+    only on nodes within `BRIDGE` rows and columns.
 
     Args:
         z: (rows, cols) m; NaN is missing data.

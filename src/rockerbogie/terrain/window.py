@@ -178,8 +178,8 @@ def derive(
     if whole.interpolation == "linear":
         grid = upper_bound = bridged = np.ascontiguousarray(part - whole.level)
         if np.isnan(part).any():
-            filled = spline.bridge(heights - whole.level)
-            bridged = np.ascontiguousarray(filled[rows[0] - first[0] : rows[1] - first[0], cols[0] - first[1] : cols[1] - first[1]])
+            within = tuple(slice(a - start, b - start) for (a, b), start in zip((rows, cols), first, strict=True))
+            bridged = np.ascontiguousarray(spline.bridge(heights - whole.level)[within])
         steep = slope(greatest_rises(part), whole.spacing) if whole.curvature is None else whole.steep
     else:
         # one node more around, because the upper bound at a node needs the four cells around it
