@@ -328,7 +328,7 @@ def slope_by_map(rover: Rover, terrain: Terrain | None, log: xr.Dataset) -> xr.D
 
 
 def _slope_at(rover: Rover, terrain: Terrain, x: Array, y: Array, yaw: Array, heading: Array) -> tuple[Array, Array]:
-    """Return the sines of the slope along the travel and across the body (...) of settled poses; NaN where there is none."""
+    """Return the sines of the slope along and across the travel (...) of settled poses, or NaN."""
     pose = settle(rover, terrain, x, y, yaw)
     return -np.sin(pose.pitch) * heading, np.cos(pose.pitch) * np.sin(pose.roll)
 

@@ -125,7 +125,7 @@ def test_a_drive_that_cannot_continue_names_the_reason(
 
 
 def test_a_step_is_halved_where_only_a_shorter_one_has_a_motion() -> None:
-    """At these two starts, a stage of a full step meets a rock's face, from which no motion leads on."""
+    """At these two starts, a stage of a full step meets a rock's face, where no motion balances."""
     rover, terrain = rb.load_rover("curiosity"), rb.surfaces.mars(seed=3)
     start = [[0.507086, 9.623901, -1.356905], [-3.277659, 5.159020, 2.280589]]
     run = rb.predict(rover, terrain, start, rb.Path.straight((0, 0), 0.0, 5.0), friction=0.6, record=0.5, details=False)
