@@ -1,11 +1,13 @@
-"""Compare required friction with MuJoCo, on planes and rocks with locked wheels.
+"""Compare required friction, normal forces and tips with MuJoCo, wheels locked.
 
     python tools/compare_parked.py --poses 200 --seed 0
-    python tools/compare_parked.py --loads --poses 16
+    python tools/compare_parked.py --loads --poses 16 --write
+    PYTHONPATH=tests python tools/compare_parked.py --tips --poses 16 --write
 
 Each rover has thin wheels, fixed to their links; rockers, bogies and the differential move. Under each wheel lies the plane
 that is tangent to the terrain at its contact, so that both models have the same contact normals. Bisection finds the
-friction coefficient below which a wheel slides.
+friction coefficient below which a wheel slides. With `--tips`, gravity turns slowly in evenly spaced azimuths until the rover, on
+a level plane, moves by 10°; then wheels have their width. `--write` writes the table between its markers in the docs.
 """
 
 from __future__ import annotations
@@ -31,6 +33,14 @@ STEP, SETTLING, WATCHED = 0.002, 0.4, 1.2
 FAR, SLID = 0.04, 0.004
 #: Bounds of the bisection, relative to the required friction, and its steps.
 BOUNDS, HALVINGS = (0.6, 1.5), 7
+
+#: Tips: friction coefficient, rate of gravity's turn (rad/s) and change of attitude or of a joint (rad) that counts as a tip.
+GRIP, RATE, MOVED = 1.3, np.radians(0.1), np.radians(10.0)
+#: A rover whose limit is this close to the friction angle slides rather than tips, rad.
+SLIDES = np.radians(0.05)
+#: Page and name of the markers of each table.
+TABLES = {"loads": ("forces.md", "parked loads"), "tips": ("stability.md", "parked tips")}
+DOCS = Path(__file__).parents[1] / "docs"
 
 
 class Parked:
@@ -202,20 +212,98 @@ def compare_loads(name: str, poses: int, seed: int) -> tuple[float, float]:
     return worst, worst_sum
 
 
+def limit_in_azimuth(pose: rb.Pose, azimuth: float) -> float:
+    """Return the tilt of gravity in one azimuth at which GRIP no longer holds a pose, rad."""
+    g, low, high = rb.GRAVITY["earth"], 0.0, 1.4
+    while high - low > 1e-5:
+        tilt = 0.5 * (low + high)
+        turned = g * np.array([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), -np.cos(tilt)])
+        held = float(rb.wheel_loads(pose, acceleration=np.array([0.0, 0.0, -g]) - turned).required_friction) <= GRIP
+        low, high = (tilt, high) if held else (low, tilt)
+    return low
+
+
+def compare_tips(case: tuple[str, int]) -> list[tuple[float, float, float]]:
+    """Return azimuth, predicted tilt and MuJoCo's tilt at which a rover is lost, rad.
+
+    Args:
+        case: rover, and number of azimuths.
+    """
+    import mujoco
+
+    from support.braked import tilt_of_loss
+
+    name, count = case
+    rover = rb.load_rover(name)
+    pose = rb.settle(rover, rb.surfaces.plane(interpolation="linear"), 0.0, 0.0)
+    found = []
+    for azimuth in np.linspace(0.0, 2.0 * np.pi, count, endpoint=False):
+        expected = limit_in_azimuth(pose, azimuth)
+        found.append((azimuth, expected, tilt_of_loss(mujoco, rover, azimuth, GRIP, expected, RATE, MOVED)))
+    return found
+
+
+def tips_table(count: int) -> str:
+    """Return the table of tips.
+
+    Args:
+        count: number of azimuths.
+    """
+    table = "| rover | azimuths | it tips in | of these within 0.5° | largest difference | it slides in | largest difference |\n"
+    table += "|---" * 7 + "|\n"
+    with multiprocessing.Pool() as pool:
+        results = pool.map(compare_tips, [(name, count) for name in ROVERS], chunksize=1)
+    for name, found in zip(ROVERS, results, strict=True):
+        _, expected, seen = np.array(found).T
+        error, slides = np.degrees(np.abs(seen - expected)), expected > np.arctan(GRIP) - SLIDES
+        worst = [f"{error[some].max():.2f}°" if some.any() else "–" for some in (~slides, slides)]
+        close = int((error[~slides] <= 0.5).sum())
+        table += f"| {name} | {count} | {(~slides).sum()} | {close} | {worst[0]} | {slides.sum()} | {worst[1]} |\n"
+    return table
+
+
+def loads_table(poses: int, seed: int) -> str:
+    """Return the table of normal forces.
+
+    Args:
+        poses, seed: as for `compare_loads`.
+    """
+    table = "| rover | level plane: a wheel | slopes: sum or centre |\n|---|---|---|\n"
+    for name in ROVERS:
+        worst, worst_sum = compare_loads(name, poses, seed)
+        table += f"| {name} | {100 * worst:.2f} % | {100 * worst_sum:.2f} % |\n"
+    return table
+
+
+def write_table(kind: str, table: str) -> None:
+    """Write a table between its markers.
+
+    Args:
+        kind: key of TABLES.
+        table: Markdown.
+    """
+    page, name = DOCS / TABLES[kind][0], TABLES[kind][1]
+    first, last = f"<!-- {name} -->\n", f"<!-- end of {name} -->\n"
+    before, _, rest = page.read_text().partition(first)
+    page.write_text(f"{before}{first}\n{table}\n{last}{rest.partition(last)[2]}")
+
+
 def main() -> None:
     """Run the comparison and print its table."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
     parser.add_argument("--poses", type=int, default=200, help="poses of each rover on each kind of terrain")
     parser.add_argument("--ground", choices=("planes", "rocks"), action="append", help="default: both")
     parser.add_argument("--loads", action="store_true", help="compare normal forces on planes instead of friction")
+    parser.add_argument("--tips", action="store_true", help="compare the tilts at which rovers tip, in --poses azimuths")
+    parser.add_argument("--write", action="store_true", help="write the table of --loads or --tips into the docs")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--output", type=Path, help="write the thresholds as JSON")
     options = parser.parse_args()
-    if options.loads:
-        print("| rover | level plane: a wheel | slopes: sum or centre |\n|---|---|---|")
-        for name in ROVERS:
-            worst, worst_sum = compare_loads(name, options.poses, options.seed)
-            print(f"| {name} | {100 * worst:.2f} % | {100 * worst_sum:.2f} % |")
+    if options.loads or options.tips:
+        table = loads_table(options.poses, options.seed) if options.loads else tips_table(options.poses)
+        print(table)
+        if options.write:
+            write_table("loads" if options.loads else "tips", table)
         return
     cases = [(name, ground, options.poses, options.seed) for ground in options.ground or ("planes", "rocks") for name in ROVERS]
     with multiprocessing.Pool() as pool:

@@ -130,6 +130,31 @@ def test_a_load_shifted_ahead_follows_the_closed_form() -> None:
         np.testing.assert_allclose([n[0] + n[1], n[2] + n[3], n[4] + n[5]], [W - 2 * share, share, share], atol=1e-12 * W)
 
 
+@pytest.mark.parametrize("name", ["curiosity", "sawppy"])
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+@pytest.mark.parametrize("heading", [0.0, 0.3, 2.0])
+def test_wide_wheels_carry_the_same_on_both_sides_of_level_terrain(name: str, interpolation: str, heading: float) -> None:
+    rover = rb.load_rover(name)
+    pose = rb.settle(rover, rb.surfaces.plane(interpolation=interpolation), 0.01, 0.02, heading, mode="equilibrium")
+    weight = rover.mass * rb.GRAVITY["earth"]
+    thin = rb.settle(rover.replace(wheel_width=0.0, masses="keep"), pose.terrain, 0.01, 0.02, heading, mode="equilibrium")
+    for forces in (pose.support, *(rb.wheel_loads(pose, law=law).normal for law in ("vertical", "equal_torque"))):
+        np.testing.assert_allclose(forces[0::2], forces[1::2], rtol=0.0, atol=1e-9 * weight)
+        np.testing.assert_allclose(forces, thin.support, rtol=0.0, atol=1e-9 * weight)
+
+
+def test_least_friction_of_wide_wheels_is_that_of_the_whole_line() -> None:
+    """On a slope that the middles of the treads cannot hold, forces at their lower ends do."""
+    rover = level_rover().replace(wheel_width=0.2, masses="keep")
+    limit, outer = np.arctan2(0.4, 0.3), np.arctan2(0.5, 0.3)
+    for slope in (0.5 * limit, 0.5 * (limit + outer)):
+        loads = rb.wheel_loads(rb.settle(rover, plane(slope), 0.0, 0.0, 0.5 * np.pi))
+        assert loads.required_friction == pytest.approx(np.tan(slope), abs=1e-6)
+        assert loads.required_friction - loads.friction_bound < 1e-6
+        up, down = loads.normal[0::2].sum(), loads.normal[1::2].sum()
+        assert up + down == pytest.approx(rover.mass * rb.GRAVITY["earth"] * np.cos(slope), rel=1e-9)
+
+
 @pytest.mark.parametrize("pitch", [10.0, -25.0, 35.0])
 def test_friction_on_a_plane_is_the_tangent_of_its_slope(pitch: float) -> None:
     for yaw in (0.0, 0.7, np.pi / 2):
@@ -215,7 +240,7 @@ def test_least_friction_is_proved_minimal() -> None:
 
 @pytest.mark.parametrize(("name", "slopes"), [("sawppy", (55.0, 56.0, 57.0, 61.0)), ("osr", (55.0, 57.0, 60.0))])
 def test_friction_is_found_up_to_the_slope_at_which_the_rover_tips(name: str, slopes: tuple[float, ...]) -> None:
-    rover, found = rb.load_rover(name), []
+    rover, found = rb.load_rover(name).replace(wheel_width=0.0, masses="keep"), []  # the conic solver's contacts are points
     for slope in slopes:
         pose = rb.settle(rover, plane(np.radians(slope)), 0.0, 0.0, [0.4])
         loads = rb.wheel_loads(pose)

@@ -9,42 +9,44 @@ from test_loads import settled
 import rockerbogie as rb
 from rockerbogie._kernels.jit.vectors import LANES, NumpyRows
 from rockerbogie._kernels.statics import primal_dual
-from rockerbogie._kernels.statics.lane_rows import PROBLEM, RESULT, ROWS, STATE, WHEEL
+from rockerbogie._kernels.statics.lane_rows import CONTACTS, PROBLEM, RAY, RESULT, ROWS, STATE, VECTORS, WHEEL, WHEELS
 from rockerbogie.statics.contacts import pack_contacts
 
 
 def random_lanes(rng: np.random.Generator) -> np.ndarray:
     """Return a lane array of random problems, at the start of the way to the central point."""
     rows = np.zeros((ROWS, LANES))
-    normal = rng.normal(size=(3, 6, LANES)) * 0.2
+    normal = rng.normal(size=(3, CONTACTS, LANES)) * 0.2
     normal[2] = 1.0
     normal /= np.linalg.norm(normal, axis=0)
-    rows[WHEEL.normal : WHEEL.normal + 18] = normal.reshape(18, LANES)
-    rows[WHEEL.point : WHEEL.point + 54] = rng.normal(size=(54, LANES))
-    rows[WHEEL.on : WHEEL.on + 6] = 1.0
+    rows[WHEEL.normal : WHEEL.normal + VECTORS] = normal.reshape(VECTORS, LANES)
+    rows[WHEEL.point : WHEEL.point + 3 * VECTORS] = rng.normal(size=(3 * VECTORS, LANES))
+    rows[WHEEL.on : WHEEL.on + CONTACTS] = 1.0
     rows[PROBLEM.b : PROBLEM.b + 10] = rng.normal(size=(10, LANES))
     rows[PROBLEM.e : PROBLEM.e + 10] = rng.normal(size=(10, LANES))
     rows[PROBLEM.limit + 3], rows[PROBLEM.sign + 3], rows[PROBLEM.cones] = 1.0, 1.0, 7.0
     rows[PROBLEM.target], rows[PROBLEM.free] = 0.1, 1.0
-    rows[STATE.force : STATE.force + 18] = 0.3 * normal.reshape(18, LANES)
-    rows[STATE.speed : STATE.speed + 18] = normal.reshape(18, LANES)
+    rows[STATE.force : STATE.force + VECTORS] = 0.3 * normal.reshape(VECTORS, LANES)
+    rows[STATE.speed : STATE.speed + VECTORS] = normal.reshape(VECTORS, LANES)
     rows[STATE.y : STATE.y + 8] = 0.5
+    rows[RAY.x], rows[RAY.y] = 0.6, 0.8
     rows[STATE.mu], rows[STATE.price] = 0.8, 0.4
     return rows.reshape(-1)
 
 
-def test_compiled_lanes_agree_with_numpy() -> None:
+@pytest.mark.parametrize("contacts", [WHEELS, CONTACTS])
+def test_compiled_lanes_agree_with_numpy(contacts: int) -> None:
     from rockerbogie._kernels.jit.decorators import njit
 
     @njit
     def run(lanes: np.ndarray) -> None:
-        primal_dual.turn_step(lanes)
+        primal_dual.turn_step(lanes, contacts)
 
     lanes = random_lanes(np.random.default_rng(1))
     plain = lanes.copy()
     run(lanes)
     with np.errstate(all="ignore"):
-        primal_dual.step(NumpyRows(plain), False)
+        primal_dual.step(NumpyRows(plain), False, contacts)
     np.testing.assert_allclose(lanes, plain, rtol=1e-7, atol=1e-9)
     assert (plain.reshape(ROWS, LANES)[RESULT.alpha] > 0.0).all()
 

@@ -84,6 +84,35 @@ def test_the_margin_shrinks_by_the_slope() -> None:
     assert steep.tip_margin >= along.tip_margin - 1e-6
 
 
+@pytest.mark.parametrize("width", [0.0, 0.1, 0.3])
+@pytest.mark.parametrize("heading", [0.5 * np.pi, -0.5 * np.pi])
+def test_a_rover_tips_sideways_over_the_outer_edges_of_its_treads(width: float, heading: float) -> None:
+    """Compare with the closed form.
+
+    The middles of the treads are 0.4 m from the centre of mass, which is 0.3 m high.
+    """
+    rover = level_rover().replace(wheel_width=width, masses="keep")
+    outer = np.arctan2(0.4 + width / 2, 0.3)
+    for beyond in (-0.05, 0.05):
+        pose = rb.settle(rover, plane(outer + beyond), 0.0, 0.0, heading)
+        got = rb.stability(pose, friction=3.0)
+        assert got.tip_angle == pytest.approx(-beyond, abs=2e-4)
+        if beyond < 0.0:
+            assert got.edge == ("LR LM LF" if heading > 0.0 else "RR RM RF")  # the plane rises along x
+            assert 0.0 <= got.tip_margin - got.tip_bound < 1e-4
+        assert rb.wheel_loads(pose).status == (rb.LoadStatus.BALANCED if beyond < 0.0 else rb.LoadStatus.NOT_HELD)
+
+
+def test_the_support_polygon_holds_the_ends_of_contact_lines() -> None:
+    rover = level_rover().replace(wheel_width=0.1, masses="keep")
+    weight = rover.mass * rb.GRAVITY["earth"]
+    got = rb.stability(rb.settle(rover, plane(0.0), 0.0, 0.0))
+    ahead = 0.5 - abs(rover.body.com[0])
+    distance = np.array([0.45, ahead, 1.0 - ahead])
+    assert got.energy == pytest.approx(weight * (np.hypot(distance, 0.3) - 0.3).min(), rel=1e-9)
+    assert got.force_angle == pytest.approx(weight * (np.arctan2(distance, 0.3) * distance).min(), rel=1e-9)
+
+
 def test_gravity_scales_the_energy_and_not_the_angle() -> None:
     pose = settled("sawppy", 3, 4)
     earth, moon = rb.stability(pose), rb.stability(pose, gravity=rb.GRAVITY["moon"])
@@ -113,6 +142,25 @@ def test_a_locked_rover_in_mujoco_tips_at_the_same_tilt() -> None:
         assert np.degrees(tilt_of_loss(mujoco, rover, azimuth, friction, np.radians(expected))) == pytest.approx(
             expected, abs=0.5
         )
+
+
+@pytest.mark.parametrize("width", [0.0, 0.25])
+def test_a_locked_rover_with_wide_wheels_tips_sideways_in_mujoco_at_the_same_tilt(width: float) -> None:
+    """Raise the centre of mass of Curiosity's body by 0.8 m.
+
+    It tips at 36.0° over thin wheels, at 39.9° over treads of 0.25 m.
+    """
+    mujoco = pytest.importorskip("mujoco", reason="needs mujoco")
+    from support.braked import tilt_of_loss
+
+    rover, friction, azimuth = rb.load_rover("curiosity"), 1.3, 0.5 * np.pi
+    body = rb.Link(rover.body.mass, rover.body.com + [0.0, 0.0, 0.8], rover.body.inertia)
+    rover = rover.replace(body=body, wheel_width=width, masses="keep")
+    pose = rb.settle(rover, rb.surfaces.plane(), 0.0, 0.0)
+    angles = np.radians(np.arange(34.0, 42.0, 0.05))
+    expected = angles[int(np.argmin([tilted(pose, azimuth, angle).required_friction < friction for angle in angles]))]
+    found = tilt_of_loss(mujoco, rover, azimuth, friction, float(expected), np.radians(0.2), np.radians(6.0))
+    assert np.degrees(found) == pytest.approx(np.degrees(expected), abs=0.3)
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi])

@@ -9,13 +9,15 @@ import numpy as np
 import rockerbogie as rb
 from rockerbogie.simulation.mjcf import add_mechanism, empty_spec
 
-RATE = np.radians(0.5)  # rad/s
+RATE = np.radians(0.5)  # rad/s, by default
 EARLY = np.radians(4.0)  # before the expected tilt, where the slow turn begins
 LATE = np.radians(6.0)
-MOVED = np.radians(2.0)  # change of attitude or of a joint that counts as loss
+MOVED = np.radians(2.0)  # change of attitude or of a joint that counts as loss, by default
 
 
-def tilt_of_loss(mujoco: Any, rover: rb.Rover, azimuth: float, friction: float, expected: float) -> float:
+def tilt_of_loss(
+    mujoco: Any, rover: rb.Rover, azimuth: float, friction: float, expected: float, rate: float = RATE, moved: float = MOVED
+) -> float:
     """Return the tilt of gravity at which a braked rover on a plane begins to move, rad.
 
     Args:
@@ -24,6 +26,8 @@ def tilt_of_loss(mujoco: Any, rover: rb.Rover, azimuth: float, friction: float, 
         azimuth: direction in which gravity turns, in the rover's axes, rad.
         friction: friction coefficient.
         expected: tilt about which gravity turns slowly, rad.
+        rate: of this turn, rad/s.
+        moved: change of attitude or of a joint that counts as loss, rad.
 
     Returns:
         The tilt; NaN if the rover does not move up to LATE beyond the expected one.
@@ -50,9 +54,9 @@ def tilt_of_loss(mujoco: Any, rover: rb.Rover, azimuth: float, friction: float, 
     before, angle = data.qpos.copy(), start
     while angle < expected + LATE:
         turn(angle)
-        angle += RATE * dt
+        angle += rate * dt
         attitude = 2.0 * np.arccos(min(1.0, abs(float(data.qpos[3:7] @ before[3:7]))))
-        if max(attitude, np.abs(data.qpos[7:] - before[7:]).max()) > MOVED:
+        if max(attitude, np.abs(data.qpos[7:] - before[7:]).max()) > moved:
             return angle
         if np.linalg.norm(data.qpos[:3] - before[:3]) > 0.1 * rover.wheelbase:
             return angle

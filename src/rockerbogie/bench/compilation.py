@@ -91,7 +91,9 @@ def _steps() -> Iterator[Callable[[], object]]:
         yield partial(level.height, 0.0, 0.0)
         yield partial(settle, rover, level, far, 0.0)
         yield partial(settle, rover, steep, far, 0.0, mode="equilibrium")
-        yield partial(wheel_loads, settle(rover, level, 0.0, 0.0, mode="equilibrium"))
+        still = settle(rover, level, 0.0, 0.0, mode="equilibrium")
+        yield partial(wheel_loads, still)
+        yield partial(getattr, still, "support")
         z = level.z.copy()
         z[::2, ::2] = np.nan
         gaps = Terrain.from_array(z, level.spacing, level.origin, interpolation=interpolation)

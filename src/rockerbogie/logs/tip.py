@@ -14,6 +14,7 @@ from ..rover.rotations import body_transform, euler_angles
 from ..statics.stability import GRIP
 
 NO_BELLY = np.full((1, BELLY, 3), np.nan)
+NO_LINES = np.zeros((1, 6, 3))
 NO_STOPS = np.zeros((1, 3), dtype=np.int8)
 
 
@@ -42,7 +43,7 @@ def tip_margin(rover: Rover, T: Array, rocker: float, bogie: Array, steering: Ar
     unwanted = np.empty(0)
     kernel.stability_batch(
         rover.packed, np.zeros(1), steering[None], q, np.ascontiguousarray(contact[None, :, :3, 3]),
-        np.ascontiguousarray(contact[None, :, :3, 2]), NO_STOPS, NO_BELLY, NO_BELLY, GRIP, MARGIN,
+        np.ascontiguousarray(contact[None, :, :3, 2]), NO_LINES, NO_STOPS, NO_BELLY, NO_BELLY, GRIP, MARGIN,
         margin, bound, direction, np.empty((1, 6), dtype=bool), np.empty(1, dtype=bool), unwanted, unwanted, 0, 1,
     )  # fmt: skip
     return float(margin[0])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .._kernels import batch
 from .._kernels.jit.parallel import parallel_for
-from .._kernels.solve.forces import R_BELLY, R_FORCE, R_LIFTED
+from .._kernels.solve.forces import R_LIFTED
 from ..arrays import Array, flat, flat_steering
 from ..errors import RockerbogieError
 from ..rover.frames import contact_frames, wheel_frames
@@ -197,13 +197,24 @@ class Pose:
 
     @property
     def support(self) -> Array:
-        """(..., 6) frictionless contact force of each wheel, N; equilibrium mode only."""
-        return np.asarray(self._report(R_FORCE, 6) * self.rover.mass * self.gravity)
+        """(..., 6) frictionless contact force of each wheel, N; equilibrium mode only.
+
+        If the contact spans the tread's width, the force acts at its middle.
+        """
+        return np.asarray(self._frictionless[0] * self.rover.mass * self.gravity)
 
     @property
     def belly_support(self) -> Array:
         """(...) frictionless contact force on the body's box, N; equilibrium mode only."""
-        return self._report(R_BELLY, 1)[..., 0] * self.rover.mass * self.gravity
+        return np.asarray(self._frictionless[1] * self.rover.mass * self.gravity)
+
+    @cached_property
+    def _frictionless(self) -> tuple[Array, Array]:
+        """Frictionless contact forces of the wheels (..., 6) and the body (...), of the weight."""
+        from .line_support import frictionless_forces
+
+        self._report(0, 1)
+        return frictionless_forces(self)
 
     @property
     def wheel_lifted(self) -> NDArray[np.bool_]:

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from .._kernels.batch import touch_batch
 from .._kernels.jit.parallel import parallel_for
 from .._kernels.simd.bilinear_touch import touch_linear
-from .._kernels.statics import loads as kernel
-from .._kernels.statics.mechanism import BELLY
 from ..arrays import Array, flat, flat_steering
 from ..errors import RockerbogieError, expect
+from ..settling.line_support import belly_contacts, contact_lines
 from ..settling.pose import TOUCHING, Pose
 
 
@@ -26,6 +25,7 @@ class PackedContacts(NamedTuple):
     q: Array  # (n, 6)
     point: Array  # (n, 6, 3) from the body's origin, m; NaN where a wheel is off the ground
     normal: Array  # (n, 6, 3)
+    span: Array  # (n, 6, 3) or (1, 6, 3) half of the line along which a wheel touches, m; 0: the contact is a point
     stops: NDArray[np.int8]  # (n, 3)
     belly_point: Array  # (n, BELLY, 3) or (1, BELLY, 3), NaN where there is no contact
     belly_normal: Array
@@ -56,18 +56,10 @@ def pack_contacts(pose: Pose, fast: bool = False) -> PackedContacts:
         point, normal = flat(pose.contact_point, 6, 3), flat(pose.contact_normal, 6, 3)
     point = point - origin
     point[pose.wheel_lifted.reshape(n, 6)] = np.nan
-    q = np.ascontiguousarray(pose.q.reshape(n, 6))
-    belly_point = belly_normal = np.full((1, BELLY, 3), np.nan)
-    if pose.report is not None:
-        wanted = np.ascontiguousarray(pose.belly_support > 0.0).reshape(n)
-        belly_point, belly_normal = np.empty((n, BELLY, 3)), np.empty((n, BELLY, 3))
-        position = (flat(pose.x), flat(pose.y), flat(pose.yaw))
-        parallel_for(
-            kernel.belly_batch, n, pose.terrain.packed, pose.rover.packed, *position, q, wanted, belly_point, belly_normal
-        )
+    q, steering = np.ascontiguousarray(pose.q.reshape(n, 6)), flat_steering(pose.steering)
     return PackedContacts(
-        pose.rover.packed, flat(pose.yaw), flat_steering(pose.steering), q, point, normal,
-        np.ascontiguousarray(pose.joint_stop).reshape(n, 3), belly_point, belly_normal,
+        pose.rover.packed, flat(pose.yaw), steering, q, point, normal, contact_lines(pose, point),
+        np.ascontiguousarray(pose.joint_stop).reshape(n, 3), *belly_contacts(pose),
     )  # fmt: skip
 
 

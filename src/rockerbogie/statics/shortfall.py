@@ -39,12 +39,19 @@ def shortfall(packed: PackedContacts, k: int, friction: float) -> float:
     m = new_mechanism()
     at = k if packed.belly_point.shape[0] > 1 else 0
     steering = packed.steering[k if packed.steering.shape[0] > 1 else 0]
-    count, more, reach = assemble(
-        m, packed.rover, packed.yaw[k], steering, packed.q[k], packed.point[k], packed.normal[k], packed.stops[k],
-        packed.belly_point[at], packed.belly_normal[at],
-    )  # fmt: skip
-    if count == 0:
-        return math.nan
+    span, ends = packed.span[k if packed.span.shape[0] > 1 else 0], []
+    for end in (-1.0, 1.0) if span.any() else (0.0,):  # both ends of contact lines
+        count, more, reach = assemble(
+            m, packed.rover, packed.yaw[k], steering, packed.q[k], packed.point[k] + end * span, packed.normal[k],
+            packed.stops[k],
+            packed.belly_point[at], packed.belly_normal[at],
+        )  # fmt: skip
+        if count == 0:
+            return math.nan
+        ends.append(m.columns[:count].copy())
+        ends[-1][..., 3:] *= reach
+    columns = np.concatenate(ends)
+    columns[..., 3:] /= reach
     weight = np.empty((3, EQUATIONS))  # generalized force of a unit weight along x, y, z
     for axis, (gx, gy, gz) in enumerate(np.eye(3)):
         weight[axis] /= gravity_column(m, packed.rover, reach, gx, gy, gz, weight[axis])
@@ -54,7 +61,7 @@ def shortfall(packed: PackedContacts, k: int, friction: float) -> float:
         held = -force[:, :3]
         return np.concatenate([held, EXACT * (force[:, 3:] + held @ weight[:, 3:])], axis=1)
 
-    cones = np.array([rows(m.columns[i]) for i in range(count)])
+    cones = np.array([rows(column) for column in columns])
     cones[:, 1:] *= friction
     turn = 2 * np.pi * np.arange(FIRST) / FIRST
     around = cones[:, 1, None] * np.cos(turn)[:, None] + cones[:, 2, None] * np.sin(turn)[:, None]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..jit.vectors import larger, root, where
-from .lane_rows import BOGIE_LEFT, BOGIE_RIGHT, BOUND, OX, OY, OZ, ROCKER_RATE, VX, VY, VZ, WHEEL
+from .lane_rows import BOGIE_LEFT, BOGIE_RIGHT, BOUND, CONTACTS, OX, OY, OZ, ROCKER_RATE, VX, VY, VZ, WHEEL, WHEELS
 
 
 class Vector:
@@ -96,7 +96,7 @@ class Cone:
 
 
 class Wheel:
-    """Contact of one wheel, its forces and velocities, and the scaling between them."""
+    """One contact, its forces and velocities, and the scaling between them."""
 
     x: Cone
     z: Cone
@@ -112,7 +112,7 @@ class Wheel:
         self.i, self.bounded = i, bounded
         self.n, self.p = read(rows, WHEEL.normal, i), read(rows, WHEEL.point, i)
         self.rocker = read(rows, WHEEL.rocker, i)
-        self.bogie = read(rows, WHEEL.bogie, i) if i > 1 else None
+        self.bogie = read(rows, WHEEL.bogie, i) if i % WHEELS > 1 else None
         self.on, self.at_bogie = rows[WHEEL.on + i], BOGIE_LEFT if i % 2 == 0 else BOGIE_RIGHT
 
     def velocity(self, v: list[Any]) -> Vector:
@@ -290,23 +290,23 @@ class Wheel:
 
 
 def read(rows: Any, start: int, i: int) -> Vector:
-    """Return the vector of a wheel.
+    """Return the vector of a contact.
 
     Args:
         rows: rows of the lane array.
         start: first row of the vectors.
-        i: wheel.
+        i: contact.
     """
-    return Vector(rows[start + i], rows[start + 6 + i], rows[start + 12 + i])
+    return Vector(rows[start + i], rows[start + CONTACTS + i], rows[start + 2 * CONTACTS + i])
 
 
 def write(rows: Any, start: int, i: int, value: Vector) -> None:
-    """Set the vector of a wheel.
+    """Set the vector of a contact.
 
     Args:
         rows: rows of the lane array.
         start: first row of the vectors.
-        i: wheel.
+        i: contact.
         value: vector.
     """
-    rows[start + i], rows[start + 6 + i], rows[start + 12 + i] = value.parts
+    rows[start + i], rows[start + CONTACTS + i], rows[start + 2 * CONTACTS + i] = value.parts

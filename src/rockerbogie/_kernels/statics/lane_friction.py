@@ -15,9 +15,12 @@ from ..jit.decorators import njit
 from ..jit.vectors import LANES
 from .balance import EQUATIONS as BALANCE_EQUATIONS
 from .lane_problem import (
+    ANY,
+    CAPACITY,
     CENTRE,
     CENTRE_STEPS,
     Block,
+    block_view,
     is_central,
     new_block,
     power,
@@ -26,7 +29,7 @@ from .lane_problem import (
     take_pose,
     vector,
 )
-from .lane_rows import BALANCE, EQUATIONS, LIMITS, LINK, PROBLEM, RESULT, STATE, WHEEL
+from .lane_rows import BALANCE, CONTACTS, EQUATIONS, LIMITS, LINK, PROBLEM, RESULT, STATE, VECTORS, WHEEL, WHEELS
 from .primal_dual import balance_step, friction_step
 
 Array = NDArray[np.float64]
@@ -45,21 +48,24 @@ UNSOLVED = 255
 
 @njit
 def friction_batch(
-    rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, stops: NDArray[np.int8],
-    belly_point: Array, field: Array, drawbar: Array, gap: float,
+    rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, span: Array,
+    stops: NDArray[np.int8], belly_point: Array, field: Array, drawbar: Array, gap: float,
     force: Array, torque: Array, required: Array, bound: Array, limit: Array, belly: Array, status: NDArray[np.uint8],
     solved: int, first: int, last: int,
 ) -> None:  # fmt: skip
     """Fill the contact forces of least friction of each pose that the lanes solve.
 
+    A contact line counts at its middle. A pose is left if forces elsewhere on its lines might need less friction.
+
     Args:
-        rover, yaw, steering, q, point, normal, stops, belly_point, field, drawbar, gap: as for `loads.loads_batch`.
+        rover, yaw, steering, q, point, normal, span, stops, belly_point, field, drawbar, gap: as for `loads.loads_batch`.
         force, torque, required, bound, limit, belly: filled as by `loads.loads_batch` where solved.
         status: (n,) filled with `solved`, or UNSOLVED.
         solved: status of a pose that is solved.
         first, last: range of poses.
     """
-    t = new_block(rover, first)
+    block = new_block(rover, first, WHEELS)
+    t = block_view(block)
     lanes = t.lanes
     low, high, began = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
     status[first:last] = UNSOLVED
@@ -67,7 +73,7 @@ def friction_batch(
     while True:
         for l in range(LANES):
             if t.pose[l] < 0:
-                k = take_pose(t, l, rover, yaw, steering, q, point, normal, stops, belly_point, first, last)
+                k = take_pose(t, l, rover, yaw, steering, q, point, normal, span, stops, belly_point, ANY, first, last)
                 if k >= 0:
                     low[l], high[l], began[l] = 0.0, WIDEST, set_balance(t, l, field, drawbar)
                     start(t, l, began[l], 0.0)
@@ -97,6 +103,7 @@ def friction_batch(
             if done:
                 t.pose[l] = -1
                 busy -= 1
+    block.lanes[0] = 0.0  # keep the owner alive: `t` holds unowned views of it
 
 
 @njit
@@ -122,7 +129,7 @@ def set_balance(t: Block, l: int, field: Array, drawbar: Array) -> float:
         lanes[(PROBLEM.b + BALANCE[n]) * LANES + l] += pull * lanes[(LINK.forward + n) * LANES + l]
     lanes[(PROBLEM.limit + 3) * LANES + l] = 0.0
     slope = 0.0
-    for i in range(6):
+    for i in range(t.queue[CAPACITY]):
         if lanes[(WHEEL.on + i) * LANES + l] > 0.0:
             nx, ny, nz = vector(lanes, WHEEL.normal, i, l)
             cosine = -(gx * nx + gy * ny + gz * nz)
@@ -140,13 +147,13 @@ def _free(t: Block, l: int) -> None:
     """
     lanes = t.lanes
     mu, slid = lanes[STATE.mu * LANES + l], 0.0
-    for i in range(6):
+    for i in range(WHEELS):
         if lanes[(WHEEL.on + i) * LANES + l] > 0.0:
             total, along = power(lanes, i, l)
             slid += (total - along) / mu
     size = 1.0 / max(CENTRE / mu - slid, 1e-3)
-    for r in range(18):
-        if lanes[(WHEEL.on + r % 6) * LANES + l] > 0.0:
+    for r in range(VECTORS):
+        if lanes[(WHEEL.on + r % CONTACTS) * LANES + l] > 0.0:
             lanes[(STATE.speed + r) * LANES + l] *= size
     for r in range(EQUATIONS):
         lanes[(STATE.v + r) * LANES + l] *= size
@@ -194,21 +201,26 @@ def proved(t: Block, l: int, v: Array) -> float:
     for j in range(3):
         if lanes[(PROBLEM.limit + j) * LANES + l] > 0.0:
             good &= lanes[(PROBLEM.sign + j) * LANES + l] * v[LIMITS[j]] >= 0.0
-    least, u = math.inf, np.empty(3)
-    for i in range(6):
+    least, p, u = math.inf, np.empty(3), np.empty(3)
+    for i in range(t.queue[CAPACITY]):
         if lanes[(WHEEL.on + i) * LANES + l] == 0.0:
             continue
-        bogie, along = v[i % 2] if i > 1 else 0.0, 0.0
-        for c in range(3):
-            a, b = (c + 1) % 3, (c + 2) % 3
-            u[c] = v[BALANCE[c]] + v[BALANCE[6]] * lanes[(WHEEL.rocker + 6 * c + i) * LANES + l]
-            u[c] += bogie * lanes[(WHEEL.bogie + 6 * c + i) * LANES + l]
-            u[c] += v[BALANCE[3 + a]] * lanes[(WHEEL.point + 6 * b + i) * LANES + l]
-            u[c] -= v[BALANCE[3 + b]] * lanes[(WHEEL.point + 6 * a + i) * LANES + l]
-            along += u[c] * lanes[(WHEEL.normal + 6 * c + i) * LANES + l]
-        good &= along >= 0.0
-        across = math.sqrt(max(u[0] ** 2 + u[1] ** 2 + u[2] ** 2 - along * along, 0.0))
-        least = min(least, along / across)
+        bogie, half = v[i % 2] if i % WHEELS > 1 else 0.0, t.line[l, :, i % WHEELS]
+        long = t.queue[CAPACITY] == WHEELS and (half[0, 0] != 0.0 or half[0, 1] != 0.0)
+        for end in range(2 if long else 1):  # both ends of a line that counts at its middle
+            s, along = (2.0 * end - 1.0) if long else 0.0, 0.0
+            for c in range(3):
+                p[c] = lanes[(WHEEL.point + CONTACTS * c + i) * LANES + l] + s * half[0, c]
+            for c in range(3):
+                a, b = (c + 1) % 3, (c + 2) % 3
+                u[c] = v[BALANCE[c]]
+                u[c] += v[BALANCE[6]] * (lanes[(WHEEL.rocker + CONTACTS * c + i) * LANES + l] + s * half[1, c])
+                u[c] += bogie * (lanes[(WHEEL.bogie + CONTACTS * c + i) * LANES + l] + s * half[2, c])
+                u[c] += v[BALANCE[3 + a]] * p[b] - v[BALANCE[3 + b]] * p[a]
+                along += u[c] * lanes[(WHEEL.normal + CONTACTS * c + i) * LANES + l]
+            good &= along >= 0.0
+            across = math.sqrt(max(u[0] ** 2 + u[1] ** 2 + u[2] ** 2 - along * along, 0.0))
+            least = min(least, along / across)
     return least if good and least > 0.0 else 0.0
 
 
@@ -228,10 +240,32 @@ def _finish(
     v = np.empty(BALANCE_EQUATIONS)
     _shifted_motion(t, l, v)
     below = proved(t, l, v)
-    if is_proved(t.lanes[STATE.mu * LANES + l], below, gap):
-        balance_step(t.lanes)
+    if not is_proved(t.lanes[STATE.mu * LANES + l], below, gap):
+        return
+    balance_step(t.lanes, WHEELS)
+    if is_proved(friction_used(t, l), below, gap):  # a wheel that carries almost nothing may use more friction by rounding
         store_forces(t, l, field, below, force, torque, required, bound, limit, belly)
         status[t.pose[l]] = solved
+
+
+@njit
+def friction_used(t: Block, l: int) -> float:
+    """Return the friction coefficient that a lane's balanced forces use.
+
+    It is infinite if a wheel pulls.
+
+    Args:
+        t: work arrays.
+        l: lane.
+    """
+    lanes, used = t.lanes, 0.0
+    for i in range(t.queue[CAPACITY]):
+        if lanes[(WHEEL.on + i) * LANES + l] > 0.0:
+            fx, fy, fz = vector(lanes, RESULT.force, i, l)
+            nx, ny, nz = vector(lanes, WHEEL.normal, i, l)
+            n = fx * nx + fy * ny + fz * nz
+            used = max(used, math.sqrt(max(fx * fx + fy * fy + fz * fz - n * n, 0.0)) / n if n > 0.0 else math.inf)
+    return used
 
 
 @njit
@@ -265,9 +299,10 @@ def store_forces(
     moment = weight * lanes[LINK.reach * LANES + l]
     used = 0.0
     force[k] = torque[k] = limit[k] = belly[k] = 0.0
-    for i in range(6):
+    for i in range(t.queue[CAPACITY]):
         if lanes[(WHEEL.on + i) * LANES + l] == 0.0:
             continue
+        wheel = i % WHEELS
         fx, fy, fz = vector(lanes, RESULT.force, i, l)
         nx, ny, nz = vector(lanes, WHEEL.normal, i, l)
         tx, ty, tz = vector(lanes, WHEEL.heading, i, l)
@@ -275,8 +310,9 @@ def store_forces(
         n, along = nx * fx + ny * fy + nz * fz, tx * fx + ty * fy + tz * fz
         side = (ny * tz - nz * ty) * fx + (nz * tx - nx * tz) * fy + (nx * ty - ny * tx) * fz
         used = max(used, math.sqrt(along * along + side * side) / n)
-        force[k, i, 0], force[k, i, 1], force[k, i, 2] = n * weight, along * weight, side * weight
-        torque[k, i] = (ax * fx + ay * fy + az * fz) * moment
+        for c, part in enumerate((n, along, side)):
+            force[k, wheel, c] += part * weight
+        torque[k, wheel] += (ax * fx + ay * fy + az * fz) * moment
     for j in range(3):
         if lanes[(PROBLEM.limit + j) * LANES + l] > 0.0:
             push = lanes[(RESULT.y + j) * LANES + l] * lanes[(PROBLEM.sign + j) * LANES + l]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit.decorators import njit
+from ..jit.raw_views import unowned_view
 from ..jit.vectors import LANES, larger, on_lanes, root, smaller, where
 from ..model.linkage import P_RADIUS
 from .cone_scaling import Vector, Wheel, read
@@ -181,7 +182,8 @@ def law_batch(
         first, last: range of poses.
     """
     balanced, no_pose, pulls, undetermined = codes
-    lanes, mass, shared = np.zeros(LAW_ROWS * LANES), rover_mass(rover), field.shape[0] == 1
+    block, mass, shared = np.zeros(LAW_ROWS * LANES), rover_mass(rover), field.shape[0] == 1
+    lanes = unowned_view(block)
     for start in range(first, last, LANES):
         count = min(LANES, last - start)
         load_poses(lanes, rover, yaw, steering, q, point, normal, stops, start, count, start == first)
@@ -217,3 +219,4 @@ def law_batch(
                     force[k, i, c] = lanes[(LAW.force + 6 * c + i) * LANES + l] * weight
                 torque[k, i] = lanes[(LAW.torque + i) * LANES + l] * moment
             required[k] = lanes[LAW.used * LANES + l]
+    block[0] = 0.0  # keep the owner alive: `lanes` is an unowned view of it

@@ -29,7 +29,7 @@ from ..model.linkage import (
 from ..model.sincos import C1, C2, C3, C4, C5, C6, FAR, PART_1, PART_2, PART_3, S1, S2, S3, S4, S5, S6
 from ..model.tolerances import MIN_COS_TILT
 from .cone_scaling import Vector, read, write
-from .lane_rows import LINK, POSE, WHEEL
+from .lane_rows import CONTACTS, LINK, POSE, WHEEL
 
 Array = NDArray[np.float64]
 
@@ -143,6 +143,8 @@ def _place(rows: Any, rover: Any) -> None:
     _put(rows, LINK.rocker, left.cross(rocker_moment) * scale)
     _put(rows, LINK.centre, moment * scale)
     _put(rows, LINK.forward, ahead)
+    _put(rows, LINK.left, left)
+    rows[LINK.rate] = rows[POSE.rate]
     rows[LINK.reach] = reach
     rows[LINK.contacts] = rows[LINK.contacts] * upright
 
@@ -200,8 +202,8 @@ def load_poses(
             contacts += 1.0 if on else 0.0
             lanes[(WHEEL.on + i) * LANES + l] = 1.0 if on else 0.0
             for c in range(3):
-                lanes[(POSE.point + 6 * c + i) * LANES + l] = point[k, i, c] if on else 0.0
-                lanes[(WHEEL.normal + 6 * c + i) * LANES + l] = normal[k, i, c] if on else (1.0 if c == 2 else 0.0)
+                lanes[(POSE.point + CONTACTS * c + i) * LANES + l] = point[k, i, c] if on else 0.0
+                lanes[(WHEEL.normal + CONTACTS * c + i) * LANES + l] = normal[k, i, c] if on else (1.0 if c == 2 else 0.0)
         for j in range(3):
             lanes[(LINK.stop + j) * LANES + l] = 1.0 if stops[k, j] != 0 else 0.0
             lanes[(LINK.way + j) * LANES + l] = -1.0 * stops[k, j]
@@ -223,6 +225,6 @@ def _steer(lanes: Array, l: int, rover: Array, steering: Array) -> None:
         c, s = math.cos(steering[i]), math.sin(steering[i])
         ox, oy = rover[P_OFFSET + 2 * i], rover[P_OFFSET + 2 * i + 1]
         lanes[(POSE.hub + i) * LANES + l] = rover[P_HUB + 3 * i] + ox - (c * ox - s * oy)
-        lanes[(POSE.hub + 6 + i) * LANES + l] = rover[P_HUB + 3 * i + 1] + oy - (s * ox + c * oy)
-        lanes[(POSE.hub + 12 + i) * LANES + l] = rover[P_HUB + 3 * i + 2]
+        lanes[(POSE.hub + CONTACTS + i) * LANES + l] = rover[P_HUB + 3 * i + 1] + oy - (s * ox + c * oy)
+        lanes[(POSE.hub + 2 * CONTACTS + i) * LANES + l] = rover[P_HUB + 3 * i + 2]
         lanes[(POSE.steer + i) * LANES + l], lanes[(POSE.steer + 6 + i) * LANES + l] = c, s

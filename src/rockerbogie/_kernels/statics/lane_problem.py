@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit.decorators import inlined, njit
+from ..jit.raw_views import unowned_view
 from ..jit.vectors import LANES
 from .lane_pose import load_poses, rover_mass
 from .lane_rows import (
     BOGIE_LEFT,
     BOGIE_RIGHT,
     BOUND,
+    CONTACTS,
     EQUATIONS,
     LINK,
     LOADED,
@@ -27,10 +29,12 @@ from .lane_rows import (
     ROCKER_RATE,
     ROWS,
     STATE,
+    VECTORS,
     VX,
     VY,
     VZ,
     WHEEL,
+    WHEELS,
 )
 
 Array = NDArray[np.float64]
@@ -47,45 +51,63 @@ class Block(NamedTuple):
 
     lanes: Array  # (ROWS LANES,) the lane array
     loaded: Array  # (POSE_ROWS LANES,) lane array of the poses that are loaded, but not yet in a lane
-    queue: NDArray[np.int64]  # (4,) FIRST, COUNT and NEXT of `loaded`, and AFTER, the pose to load then
+    queue: NDArray[np.int64]  # (5,) FIRST, COUNT and NEXT of `loaded`, AFTER, the pose to load then, and CAPACITY
     mass: float  # of the rover, kg
-    contacts: NDArray[np.int64]  # (LANES,) number of wheels in contact
+    contacts: NDArray[np.int64]  # (LANES,) number of contacts
+    line: Array  # (LANES, 3, WHEELS, 3) half of each contact line over the reach; its velocities at unit rocker and bogie rate
     pose: NDArray[np.int64]  # (LANES,) index of the pose, -1: the lane is idle
     steps: NDArray[np.int64]  # (LANES,) steps taken for this pose
     first: NDArray[np.int64]  # (LANES,) steps taken before the present start
     on_path: NDArray[np.bool_]  # (LANES,) the central point is found
 
 
-FIRST, COUNT, NEXT, AFTER = range(4)
+FIRST, COUNT, NEXT, AFTER, CAPACITY = range(5)
+ANY, POINTS, LINES = range(3)  # poses to take: all, those whose contacts are points, those with a line
 
 
 @njit
-def new_block(rover: Array, first: int) -> Block:
+def new_block(rover: Array, first: int, room: int) -> Block:
     """Return work arrays.
 
     Args:
         rover: (P_SIZE,) the packed rover.
         first: the first pose to load.
+        room: number of contacts of a pose, WHEELS or CONTACTS. With CONTACTS, both ends of a line are contacts.
     """
-    queue = np.zeros(4, np.int64)
-    queue[AFTER] = first
+    queue = np.zeros(5, np.int64)
+    queue[AFTER], queue[CAPACITY] = first, room
     return Block(
         np.zeros(ROWS * LANES), np.zeros(POSE_ROWS * LANES), queue, rover_mass(rover), np.zeros(LANES, np.int64),
-        np.full(LANES, -1), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64), np.zeros(LANES, np.bool_),
+        np.zeros((LANES, 3, WHEELS, 3)), np.full(LANES, -1), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64),
+        np.zeros(LANES, np.bool_),
+    )  # fmt: skip
+
+
+@njit
+def block_view(t: Block) -> Block:
+    """Return unowned views of work arrays: passing them on counts no references.
+
+    Args:
+        t: work arrays, which must outlive the views.
+    """
+    return Block(
+        unowned_view(t.lanes), unowned_view(t.loaded), unowned_view(t.queue), t.mass, unowned_view(t.contacts),
+        unowned_view(t.line), unowned_view(t.pose), unowned_view(t.steps), unowned_view(t.first), unowned_view(t.on_path),
     )  # fmt: skip
 
 
 @njit
 def take_pose(
-    t: Block, l: int, rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, stops: NDArray[np.int8],
-    belly_point: Array, first: int, last: int,
+    t: Block, l: int, rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, span: Array,
+    stops: NDArray[np.int8], belly_point: Array, kind: int, first: int, last: int,
 ) -> int:  # fmt: skip
     """Take the next pose with a contact, and none under its body, into a lane.
 
     Args:
         t: work arrays.
         l: lane.
-        rover, yaw, steering, q, point, normal, stops, belly_point: as for `loads.loads_batch`.
+        rover, yaw, steering, q, point, normal, span, stops, belly_point: as for `loads.loads_batch`.
+        kind: ANY, POINTS or LINES: poses to take.
         first, last: range of poses.
 
     Returns:
@@ -102,10 +124,13 @@ def take_pose(
             load_poses(loaded, rover, yaw, steering, q, point, normal, stops, queue[FIRST], queue[COUNT], fresh)
         m, k = queue[NEXT], queue[FIRST] + queue[NEXT]
         queue[NEXT] += 1
+        if kind != ANY and has_lines(span, k) != (kind == LINES):
+            continue
         if loaded[LINK.contacts * LANES + m] > 0.0 and not touches_belly(belly_point[k if belly_point.shape[0] > 1 else 0]):
             break
     for r in range(LOADED):
         lanes[r * LANES + l] = loaded[r * LANES + m]
+    _set_lines(t, l, span[k if span.shape[0] > 1 else 0])
     cones = 1.0 + lanes[LINK.contacts * LANES + l]
     for j in range(3):
         lanes[(PROBLEM.limit + j) * LANES + l] = lanes[(LINK.stop + j) * LANES + l]
@@ -115,6 +140,54 @@ def take_pose(
     lanes[PROBLEM.cones * LANES + l] = cones
     t.contacts[l], t.pose[l], t.steps[l] = int(lanes[LINK.contacts * LANES + l]), k, 0
     return k
+
+
+@njit
+def has_lines(span: Array, k: int) -> bool:
+    """Return True if a wheel of a pose touches along its whole width.
+
+    Args:
+        span: as for `loads.loads_batch`.
+        k: index of the pose.
+    """
+    row, found = k if span.shape[0] > 1 else 0, False
+    for i in range(WHEELS):
+        found |= span[row, i, 0] != 0.0 or span[row, i, 1] != 0.0
+    return found
+
+
+@njit
+def _set_lines(t: Block, l: int, span: Array) -> None:
+    """Set a lane's contact lines; with room for them, replace their middles by both ends.
+
+    Args:
+        t: work arrays, changed.
+        l: lane.
+        span: (WHEELS, 3) half of each line, m; 0: the contact is a point.
+    """
+    lanes, line = t.lanes, t.line[l]
+    over = 1.0 / lanes[LINK.reach * LANES + l]
+    lx, ly, lz = lanes[LINK.left * LANES + l], lanes[(LINK.left + 1) * LANES + l], lanes[(LINK.left + 2) * LANES + l]
+    for i in range(WHEELS):
+        on = lanes[(WHEEL.on + i) * LANES + l]
+        x, y, z = on * span[i, 0] * over, on * span[i, 1] * over, on * span[i, 2] * over
+        rocker, bogie = 1.0 if i % 2 == 0 else lanes[LINK.rate * LANES + l], 1.0 if i > 1 else 0.0
+        line[0, i, 0], line[0, i, 1], line[0, i, 2] = x, y, z
+        x, y, z = ly * z - lz * y, lz * x - lx * z, lx * y - ly * x
+        for c, part in enumerate((x, y, z)):
+            line[1, i, c], line[2, i, c] = rocker * part, bogie * part
+        long = line[0, i, 0] != 0.0 or line[0, i, 1] != 0.0
+        if t.queue[CAPACITY] == CONTACTS:
+            lanes[(WHEEL.on + WHEELS + i) * LANES + l] = 1.0 if long else 0.0
+            lanes[LINK.contacts * LANES + l] += 1.0 if long else 0.0
+            for c in range(3):
+                first = (CONTACTS * c + i) * LANES + l
+                second = first + WHEELS * LANES
+                for at in (WHEEL.normal, WHEEL.heading, WHEEL.turn):
+                    lanes[at * LANES + second] = lanes[at * LANES + first]
+                for j, at in enumerate((WHEEL.point, WHEEL.rocker, WHEEL.bogie)):
+                    middle = lanes[at * LANES + first]
+                    lanes[at * LANES + first], lanes[at * LANES + second] = middle - line[j, i, c], middle + line[j, i, c]
 
 
 @njit
@@ -162,7 +235,7 @@ def start(t: Block, l: int, mu: float, bound: float) -> None:
         bound: bound of the sum of the normal forces, of the weight.
     """
     lanes = t.lanes
-    for r in range(18):
+    for r in range(VECTORS):
         normal = lanes[(WHEEL.normal + r) * LANES + l]
         lanes[(STATE.force + r) * LANES + l], lanes[(STATE.speed + r) * LANES + l] = NORMAL_FORCE * normal, normal
     for k in range(EQUATIONS):
@@ -179,15 +252,16 @@ def start(t: Block, l: int, mu: float, bound: float) -> None:
 
 @njit
 def vector(lanes: Array, start: int, i: int, l: int) -> tuple[float, float, float]:
-    """Return the vector of a wheel.
+    """Return the vector of a contact.
 
     Args:
         lanes: the lane array.
         start: first row of the vectors.
-        i: wheel.
+        i: contact.
         l: lane.
     """
-    return lanes[(start + i) * LANES + l], lanes[(start + 6 + i) * LANES + l], lanes[(start + 12 + i) * LANES + l]
+    at = (start + i) * LANES + l
+    return lanes[at], lanes[at + CONTACTS * LANES], lanes[at + 2 * CONTACTS * LANES]
 
 
 @njit
@@ -196,13 +270,14 @@ def power(lanes: Array, i: int, l: int) -> tuple[float, float]:
 
     Args:
         lanes: the lane array.
-        i: wheel.
+        i: contact.
         l: lane.
     """
     total = force = speed = 0.0
     for c in range(3):
-        f, u = lanes[(STATE.force + 6 * c + i) * LANES + l], lanes[(STATE.speed + 6 * c + i) * LANES + l]
-        n = lanes[(WHEEL.normal + 6 * c + i) * LANES + l]
+        at = (CONTACTS * c + i) * LANES + l
+        f, u = lanes[STATE.force * LANES + at], lanes[STATE.speed * LANES + at]
+        n = lanes[WHEEL.normal * LANES + at]
         total += f * u
         force += n * f
         speed += n * u
@@ -218,7 +293,7 @@ def is_central(t: Block, l: int) -> bool:
         l: lane.
     """
     lanes, furthest = t.lanes, 0.0
-    for i in range(6):
+    for i in range(t.queue[CAPACITY]):
         if lanes[(WHEEL.on + i) * LANES + l] > 0.0:
             furthest = max(furthest, abs(power(lanes, i, l)[0] - CENTRE))
     left = lanes[RESULT.short * LANES + l] * (1.0 - lanes[RESULT.alpha * LANES + l])

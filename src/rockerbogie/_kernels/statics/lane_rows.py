@@ -1,8 +1,9 @@
 """Layout of the lane array of the primal-dual method.
 
 Row r holds one number for each of LANES poses, at `lanes[r * LANES + lane]`. Each group of rows is a NamedTuple: in its class,
-the value after a field is its number of rows; in its instance, the value is its first row. Vectors of six wheels take 18 rows:
-x of all wheels, then y, then z.
+the value after a field is its number of rows; in its instance, the value is its first row. Vectors of all contacts take VECTORS
+rows: x of all contacts, then y, then z. Contacts 0 to 5 are those of the six wheels. Where a wheel touches along its whole width
+and the block has room for CONTACTS, contacts i and i + 6 are the two ends of that line.
 
 Generalized velocities and forces have the order BOGIE_LEFT ... BOUND here; moments are divided by the reach.
 """
@@ -12,6 +13,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from ..jit.rows import place_rows
+
+WHEELS, CONTACTS = 6, 12  # contacts of a pose: one a wheel, or both ends of a line
+VECTORS = 3 * CONTACTS
 
 BOGIE_LEFT, BOGIE_RIGHT, ROCKER_RATE, VX, VY, VZ, OX, OY, OZ, BOUND = range(10)
 EQUATIONS = 10  # nine of the balance, then the bound of the sum of normal forces
@@ -23,6 +27,8 @@ class LinkRows(NamedTuple):
     """Masses and joints of a pose; lengths over the reach."""
 
     forward: int = 3  # the body's x direction
+    left: int = 3  # the body's y direction
+    rate: int = 1  # derivative of the right rocker angle by the left one
     centre: int = 3  # centre of mass
     rocker: int = 3  # gravity's power at unit rate of the left rocker is the scalar product with this
     bogie_left: int = 3  # the same of the left bogie
@@ -34,15 +40,15 @@ class LinkRows(NamedTuple):
 
 
 class WheelRows(NamedTuple):
-    """Contacts of six wheels."""
+    """Contacts of all wheels."""
 
-    normal: int = 18  # unit normal
-    point: int = 18  # contact point from the body's origin, over the reach
-    rocker: int = 18  # velocity of the point at unit rate of the left rocker
-    bogie: int = 18  # velocity of the point at unit rate of its bogie
-    on: int = 6  # 1; 0 for a wheel off the ground
-    heading: int = 18  # unit vector along which the wheel rolls
-    turn: int = 18  # motor torque against a force is the scalar product with this, over the reach
+    normal: int = VECTORS  # unit normal
+    point: int = VECTORS  # contact point from the body's origin, over the reach
+    rocker: int = VECTORS  # velocity of the point at unit rate of the left rocker
+    bogie: int = VECTORS  # velocity of the point at unit rate of its bogie
+    on: int = CONTACTS  # 1; 0 if there is no such contact
+    heading: int = VECTORS  # unit vector along which the wheel rolls
+    turn: int = VECTORS  # motor torque against a force is the scalar product with this, over the reach
 
 
 class PoseRows(NamedTuple):
@@ -54,9 +60,9 @@ class PoseRows(NamedTuple):
     rocker: int = 2  # left, right
     rate: int = 1  # derivative of the right rocker angle by the left one
     bogie: int = 2
-    hub: int = 18  # hub from its pivot, in the frame of its link
+    hub: int = VECTORS  # hub from its pivot, in the frame of its link
     steer: int = 12  # cos of the steering angles of all wheels, then sin
-    point: int = 18  # contact point from the body's origin; 0 for a wheel off the ground
+    point: int = VECTORS  # contact point from the body's origin; 0 for a wheel off the ground
 
 
 class LawRows(NamedTuple):
@@ -98,13 +104,16 @@ class RayRows(NamedTuple):
     ahead: int = 1  # horizontal part along the ray
     gap: int = 1  # tangent at the half-plane less that of the forces found
     news: int = 1  # 1 if the bounds are worth a look
+    start: int = 1  # tangent before the step
+    left: int = 1  # forces hold up to this far to the left of the ray there; 0 if they do not balance
+    right: int = 1  # the same to its right
 
 
 class StateRows(NamedTuple):
     """Forces and virtual motion of each lane."""
 
-    force: int = 18  # contact force
-    speed: int = 18  # contact velocity; that of the motion v once the residual is 0
+    force: int = VECTORS  # contact force
+    speed: int = VECTORS  # contact velocity; that of the motion v once the residual is 0
     v: int = EQUATIONS  # virtual motion
     y: int = 4  # forces LIMITS
     w: int = 4  # velocities against them
@@ -121,7 +130,7 @@ class ResultRows(NamedTuple):
     bowed: int = 1  # curvature by `mu` or `theta`; not above 0: the path is lost
     alpha: int = 1  # share of the step taken
     proof: int = EQUATIONS  # motion that costs the contacts least for its work on b
-    force: int = 18  # contact forces corrected to balance, as `balance_step` fills them
+    force: int = VECTORS  # contact forces corrected to balance, as `balance_step` fills them
     y: int = 4  # forces LIMITS likewise
 
 

@@ -4,7 +4,8 @@ The gravity directions (x, y, -1) that a pose can hold are a convex region H of 
 is the radius of the largest disc about the origin in H. Each step along a ray gives a point of H, by forces, and a half-plane
 that contains H, by a virtual motion. The convex hull of the points lies in H, so its distance from the origin bounds the margin
 from below; the nearest half-plane bounds it from above. Rays go along the body's axes, to the nearest half-plane's normal and
-across the hull's nearest edge, until both bounds agree (docs/stability.md).
+across the hull's nearest edge, until both bounds agree. Each step also finds how far forces hold to both sides of its ray: two
+more points (docs/stability.md).
 """
 
 from __future__ import annotations
@@ -16,13 +17,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit.decorators import inlined, njit
+from ..jit.raw_views import unowned_view
 from ..jit.vectors import LANES, on_lanes, root, where
 from .cone_scaling import Vector
-from .lane_problem import CENTRE_STEPS, Block, is_central, new_block, set_force, start, take_pose, vector
+from .lane_problem import (
+    CAPACITY,
+    CENTRE_STEPS,
+    LINES,
+    POINTS,
+    Block,
+    block_view,
+    has_lines,
+    is_central,
+    new_block,
+    set_force,
+    start,
+    take_pose,
+    vector,
+)
 from .lane_rows import (
     BOGIE_LEFT,
     BOGIE_RIGHT,
     BOUND,
+    CONTACTS,
     EQUATIONS,
     LINK,
     OX,
@@ -38,10 +55,11 @@ from .lane_rows import (
     VY,
     VZ,
     WHEEL,
+    WHEELS,
 )
-from .polygon import ROOM, chords_clear, insert, less, nearest_edge
+from .polygon import ROOM, clear_about, extend, less, nearest_edge
 from .primal_dual import turn_step
-from .tipping import STAYS, STEEPEST, WEDGED, force_angle
+from .tipping import STAYS, STEEPEST, WEDGED, force_angle, set_corners
 
 Array = NDArray[np.float64]
 
@@ -56,6 +74,7 @@ GOOD = 0.3  # of the tangent: from this difference on, half-planes are taken
 BALANCED = 1e-7  # of the weight: residual of a point's forces
 FAR = 6.0  # tangent at which a ray ends while no bound is known
 SAME = 2e-5  # 1 - cos of two azimuths that count as one
+SMALL = 1e-9  # tangent
 UNSOLVED, SOLVED = range(2)
 X, Y = range(2)
 
@@ -111,47 +130,79 @@ class Rays(NamedTuple):
 
 @njit
 def margin_batch(
-    rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, stops: NDArray[np.int8],
-    belly_point: Array, friction: float, tolerance: float, margin: Array, bound: Array, direction: Array,
+    rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, span: Array,
+    stops: NDArray[np.int8], belly_point: Array, friction: float, tolerance: float, margin: Array, bound: Array, direction: Array,
     stays: NDArray[np.bool_], slides: NDArray[np.bool_], angle: Array, energy: Array, status: NDArray[np.uint8],
     first: int, last: int,
 ) -> None:  # fmt: skip
     """Fill the tip margins of the poses that the lanes solve.
 
     Args:
-        rover, yaw, steering, q, point, normal, stops, belly_point, friction, tolerance: as for `loads.stability_batch`.
+        rover, yaw, steering, q, point, normal, span, stops, belly_point, friction, tolerance: as for `loads.stability_batch`.
         margin, bound, direction, stays, slides: filled as by `loads.stability_batch` where solved.
         angle, energy: filled as by `loads.stability_batch` where the lanes have loaded the pose; (0,): not wanted.
         status: (n,) filled with SOLVED or UNSOLVED.
         first, last: range of poses.
     """
-    t = new_block(rover, first)
+    status[first:last] = UNSOLVED
+    lines = 0
+    for k in range(first, last):
+        lines += has_lines(span, k)
+    for kind in (POINTS, LINES):
+        if lines == (last - first if kind == POINTS else 0):
+            continue
+        _solve(
+            rover, yaw, steering, q, point, normal, span, stops, belly_point, friction, tolerance,
+            margin, bound, direction, stays, slides, angle, energy, status, kind, first, last,
+        )  # fmt: skip
+
+
+@njit
+def _solve(
+    rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, span: Array,
+    stops: NDArray[np.int8], belly_point: Array, friction: float, tolerance: float, margin: Array, bound: Array, direction: Array,
+    stays: NDArray[np.bool_], slides: NDArray[np.bool_], angle: Array, energy: Array, status: NDArray[np.uint8],
+    kind: int, first: int, last: int,
+) -> None:  # fmt: skip
+    """Fill the tip margins of the poses of one kind that the lanes solve.
+
+    Args:
+        rover, yaw, steering, q, point, normal, span, stops, belly_point, friction, tolerance: as for `margin_batch`.
+        margin, bound, direction, stays, slides, angle, energy, status: as for `margin_batch`.
+        kind: POINTS or LINES.
+        first, last: range of poses.
+    """
+    room = WHEELS if kind == POINTS else CONTACTS
+    block, corner = new_block(rover, first, room), np.empty((CONTACTS, 3))
+    t = block_view(block)
     lanes = t.lanes
-    s = Rays(
+    rays = Rays(
         np.zeros((LANES, SAVED)), np.zeros((LANES, 2)), np.zeros(LANES, np.bool_), np.zeros(LANES, np.int64),
         np.zeros((LANES, ROOM, 3)), np.zeros(LANES, np.int64), np.zeros(LANES), np.zeros((LANES, 2)),
         np.zeros(LANES, np.bool_), np.zeros(LANES),
     )  # fmt: skip
-    status[first:last] = UNSOLVED
+    s = _rays_view(rays)
     busy = 0
     while True:
         for l in range(LANES):
             if t.pose[l] < 0:
-                k = take_pose(t, l, rover, yaw, steering, q, point, normal, stops, belly_point, first, last)
+                k = take_pose(t, l, rover, yaw, steering, q, point, normal, span, stops, belly_point, kind, first, last)
                 if k >= 0:
                     set_force(t, l, PROBLEM.b, 0.0, 0.0, 1.0, WEDGED)
                     set_force(t, l, PROBLEM.e, 1.0, 0.0, 0.0, 0.0)
                     start(t, l, friction, WEDGED)
-                    s.corners[l], s.shots[l], s.best[l], s.far[l] = 0, 0, math.inf, FAR
+                    s.shots[l], s.best[l], s.far[l] = 0, math.inf, FAR
+                    _start_hull(s, l)
                     s.met[l], s.aimed[l] = True, False
                     lanes[RAY.far * LANES + l] = FAR
                     busy += 1
                     if angle.size > 0:
                         x, y, z = _centre(lanes, l)
-                        angle[k], energy[k] = force_angle(point[k], x, y, z)
+                        set_corners(point[k], span[k if span.shape[0] > 1 else 0], corner)
+                        angle[k], energy[k] = force_angle(corner, x, y, z)
         if busy == 0:
             break
-        turn_step(lanes)
+        turn_step(lanes, room)
         bounds(lanes)
         for l in range(LANES):
             p = t.pose[l]
@@ -185,9 +236,23 @@ def margin_batch(
             if done:
                 t.pose[l] = -1
                 busy -= 1
+    block.lanes[0] = rays.best[0] = 0.0  # keep the owners alive: `t` and `s` hold unowned views of them
 
 
-@njit
+@inlined
+def _rays_view(s: Rays) -> Rays:
+    """Return unowned views of rays: passing them on counts no references.
+
+    Args:
+        s: rays, which must outlive the views.
+    """
+    return Rays(
+        unowned_view(s.saved), unowned_view(s.ray), unowned_view(s.aimed), unowned_view(s.shots), unowned_view(s.corner),
+        unowned_view(s.corners), unowned_view(s.best), unowned_view(s.way), unowned_view(s.met), unowned_view(s.far),
+    )  # fmt: skip
+
+
+@inlined
 def _ray_ends(
     t: Block, s: Rays, l: int, tolerance: float, direction: Array, stays: NDArray[np.bool_], slides: NDArray[np.bool_]
 ) -> bool:
@@ -213,22 +278,58 @@ def _ray_ends(
             lanes[RAY.far * LANES + l] = min(4.0 * distance, s.far[l])
         if tight and distance < best + tolerance * (1.0 + best * best):
             direction[p] = math.atan2(py, px)
-            slides[p] = _stays(lanes, l, px, py, lanes[RAY.pz * LANES + l], stays[p])
+            slides[p] = _stays(lanes, t.queue[CAPACITY], l, px, py, lanes[RAY.pz * LANES + l], stays[p])
     if tight and s.ray[l, X] * s.way[l, X] + s.ray[l, Y] * s.way[l, Y] > 1.0 - SAME:
         s.met[l] = True
     ends = tight or tangent > lanes[RAY.far * LANES + l]
     x, y = s.ray[l, X] * tangent, s.ray[l, Y] * tangent
-    if s.corners[l] < FIRST:
+    if s.shots[l] < FIRST:
         ends |= gap < COARSE * tangent
-    elif not s.aimed[l] and not ends:
-        ends = chords_clear(s.corner[l], s.corners[l], x, y, less(s.best[l], tolerance))
+    if ends or (s.shots[l] >= FIRST and not s.aimed[l]):
+        _add_points(lanes, s, l, x, y, tight)
+    if s.shots[l] >= FIRST and not s.aimed[l] and not ends:
+        ends = clear_about(s.corner[l], s.corners[l], x, y, less(s.best[l], tolerance))
     if ends:
         s.shots[l] += 1
-        s.corners[l] = insert(s.corner[l], s.corners[l], x, y, tight, s.corners[l] < FIRST)
     return ends
 
 
-@njit
+@inlined
+def _start_hull(s: Rays, l: int) -> None:
+    """Start a lane's hull with a small square: the origin is inside the region.
+
+    Args:
+        s: rays, changed.
+        l: lane.
+    """
+    for j in range(4):
+        s.corner[l, j, 0] = SMALL if j in (0, 3) else -SMALL
+        s.corner[l, j, 1] = SMALL if j < 2 else -SMALL
+        s.corner[l, j, 2] = 0.0
+    s.corners[l] = 4
+
+
+@inlined
+def _add_points(lanes: Array, s: Rays, l: int, x: float, y: float, tight: bool) -> None:
+    """Add the points that a step has found to a lane's hull.
+
+    Args:
+        lanes: the lane array.
+        s: rays, changed.
+        l: lane.
+        x, y: point on the ray.
+        tight: True if it is on the boundary of the region.
+    """
+    rx, ry, start = s.ray[l, X], s.ray[l, Y], lanes[RAY.start * LANES + l]
+    left, right = lanes[RAY.left * LANES + l], lanes[RAY.right * LANES + l]
+    if left > 0.0:
+        s.corners[l] = extend(s.corner[l], s.corners[l], rx * start - ry * left, ry * start + rx * left, False)
+    if right > 0.0:
+        s.corners[l] = extend(s.corner[l], s.corners[l], rx * start + ry * right, ry * start - rx * right, False)
+    s.corners[l] = extend(s.corner[l], s.corners[l], x, y, tight)
+
+
+@inlined
 def _next_ray(s: Rays, l: int, tolerance: float) -> tuple[bool, float]:
     """Choose the next ray of a lane.
 
@@ -242,10 +343,11 @@ def _next_ray(s: Rays, l: int, tolerance: float) -> tuple[bool, float]:
     """
     rx, ry = s.ray[l, X], s.ray[l, Y]
     unbounded = s.best[l] == math.inf
-    if s.corners[l] >= FIRST and unbounded and s.far[l] == FAR:
-        s.far[l], s.corners[l] = STEEPEST, 0
+    if s.shots[l] >= FIRST and unbounded and s.far[l] == FAR:
+        s.far[l], s.shots[l] = STEEPEST, 0
+        _start_hull(s, l)
         return False, 0.0
-    if s.corners[l] < FIRST or (unbounded and s.shots[l] < 3 * FIRST):
+    if s.shots[l] < FIRST or (unbounded and s.shots[l] < 3 * FIRST):
         if s.shots[l] == 2 * FIRST:
             rx, ry = (rx - ry) * math.sqrt(0.5), (rx + ry) * math.sqrt(0.5)
         s.ray[l, X], s.ray[l, Y] = -ry, rx
@@ -275,11 +377,12 @@ def _centre(lanes: Array, l: int) -> tuple[float, float, float]:
 
 
 @njit
-def _stays(lanes: Array, l: int, px: float, py: float, pz: float, stays: NDArray[np.bool_]) -> bool:
+def _stays(lanes: Array, room: int, l: int, px: float, py: float, pz: float, stays: NDArray[np.bool_]) -> bool:
     """Set which wheels stay in place in a lane's virtual motion.
 
     Args:
         lanes: the lane array.
+        room: number of contacts of a pose.
         l: lane.
         px, py, pz: velocity of the centre of mass.
         stays: (6,) filled.
@@ -289,10 +392,12 @@ def _stays(lanes: Array, l: int, px: float, py: float, pz: float, stays: NDArray
     """
     size = math.sqrt(px * px + py * py + pz * pz)
     more, none = lanes[(STATE.v + BOUND) * LANES + l], True
-    for i in range(6):
+    stays[:] = False
+    for i in range(room):
         nx, ny, nz = vector(lanes, WHEEL.normal, i, l)
         ux, uy, uz = vector(lanes, STATE.speed, i, l)
         ux, uy, uz = ux - more * nx, uy - more * ny, uz - more * nz
-        stays[i] = lanes[(WHEEL.on + i) * LANES + l] > 0.0 and math.sqrt(ux * ux + uy * uy + uz * uz) < STAYS * size
-        none &= not stays[i]
+        stay = lanes[(WHEEL.on + i) * LANES + l] > 0.0 and math.sqrt(ux * ux + uy * uy + uz * uz) < STAYS * size
+        stays[i % WHEELS] |= stay
+        none &= not stay
     return none

@@ -16,12 +16,27 @@ from numpy.typing import NDArray
 from ..jit.decorators import njit
 from ..jit.vectors import LANES
 from .balance import EQUATIONS as BALANCE_EQUATIONS
-from .lane_friction import UNSOLVED, WIDEST, is_proved, proved, set_balance, store_forces
-from .lane_problem import AFTER, COUNT, NEXT, Block, is_central, new_block, start, take_pose, vector
+from .lane_friction import UNSOLVED, WIDEST, friction_used, is_proved, proved, set_balance, store_forces
+from .lane_problem import (
+    AFTER,
+    ANY,
+    CAPACITY,
+    COUNT,
+    NEXT,
+    Block,
+    block_view,
+    has_lines,
+    is_central,
+    new_block,
+    start,
+    take_pose,
+    vector,
+)
 from .lane_rows import (
     BOGIE_LEFT,
     BOGIE_RIGHT,
     BOUND,
+    CONTACTS,
     EQUATIONS,
     OX,
     OY,
@@ -30,10 +45,12 @@ from .lane_rows import (
     RESULT,
     ROCKER_RATE,
     STATE,
+    VECTORS,
     VX,
     VY,
     VZ,
     WHEEL,
+    WHEELS,
 )
 from .primal_dual import balance_step, turn_step
 from .tipping import WEDGED
@@ -52,27 +69,29 @@ HOLDS, FAILS, OPEN = range(3)
 
 @njit
 def widen_batch(
-    rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, stops: NDArray[np.int8],
-    belly_point: Array, field: Array, drawbar: Array, gap: float,
+    rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, span: Array,
+    stops: NDArray[np.int8], belly_point: Array, field: Array, drawbar: Array, gap: float,
     force: Array, torque: Array, required: Array, bound: Array, limit: Array, belly: Array, status: NDArray[np.uint8],
     solved: int, unheld: int, first: int, last: int,
 ) -> None:  # fmt: skip
     """Fill the contact forces of least friction of the poses that `friction_batch` has left.
 
     Args:
-        rover, yaw, steering, q, point, normal, stops, belly_point, field, drawbar, gap: as for `loads.loads_batch`.
+        rover, yaw, steering, q, point, normal, span, stops, belly_point, field, drawbar, gap: as for `loads.loads_batch`.
         force, torque, required, bound, limit, belly: filled as by `loads.loads_batch` where solved.
         status: (n,) poses with UNSOLVED are solved; filled with `solved` or `unheld`, or left.
         solved, unheld: status of a pose that is solved, and of one that no coefficient up to WIDEST holds.
         first, last: range of poses.
     """
-    t, l = new_block(rover, first), 0
-    best, v = np.empty(22), np.empty(BALANCE_EQUATIONS)
+    block, l = new_block(rover, first, WHEELS), 0
+    t = block_view(block)
+    best, v = np.empty(VECTORS + 4), np.empty(BALANCE_EQUATIONS)
     for k in range(first, last):
         if status[k] != UNSOLVED:
             continue
         t.queue[AFTER], t.queue[NEXT], t.queue[COUNT] = k, 0, 0
-        if take_pose(t, l, rover, yaw, steering, q, point, normal, stops, belly_point, k, k + 1) < 0:
+        t.queue[CAPACITY] = CONTACTS if has_lines(span, k) else WHEELS
+        if take_pose(t, l, rover, yaw, steering, q, point, normal, span, stops, belly_point, ANY, k, k + 1) < 0:
             continue
         mu, guess = WIDEST, set_balance(t, l, field, drawbar)
         _set_widening(t, l)
@@ -100,13 +119,14 @@ def widen_batch(
             status[k], required[k] = unheld, math.inf
             force[k] = torque[k] = limit[k] = belly[k] = bound[k] = math.nan
         elif is_proved(high, below, gap):
-            for r in range(18):
+            for r in range(VECTORS):
                 t.lanes[(RESULT.force + r) * LANES + l] = best[r]
             for j in range(4):
-                t.lanes[(RESULT.y + j) * LANES + l] = best[18 + j]
+                t.lanes[(RESULT.y + j) * LANES + l] = best[VECTORS + j]
             store_forces(t, l, field, below, force, torque, required, bound, limit, belly)
             status[k] = solved
         t.pose[l] = -1
+    block.lanes[0] = 0.0  # keep the owner alive: `t` holds unowned views of it
 
 
 @njit
@@ -122,7 +142,7 @@ def _set_widening(t: Block, l: int) -> None:
     lanes = t.lanes
     for n in range(EQUATIONS):
         lanes[(PROBLEM.e + n) * LANES + l] = 0.0
-    for i in range(6):
+    for i in range(t.queue[CAPACITY]):
         if lanes[(WHEEL.on + i) * LANES + l] == 0.0:
             continue
         nx, ny, nz = vector(lanes, WHEEL.normal, i, l)
@@ -157,10 +177,10 @@ def _decide(t: Block, l: int, mu: float) -> int:
     lanes = t.lanes
     start(t, l, mu, WEDGED)
     lanes[STATE.theta * LANES + l] = -WIDENED
-    for r in range(18):
+    for r in range(VECTORS):
         lanes[(STATE.force + r) * LANES + l] += WIDENED * lanes[(WHEEL.normal + r) * LANES + l]
     for step in range(STEPS):
-        turn_step(lanes)
+        turn_step(lanes, t.queue[CAPACITY])
         if not t.on_path[l]:
             if is_central(t, l):
                 t.on_path[l], lanes[PROBLEM.free * LANES + l] = True, 1.0
@@ -190,26 +210,21 @@ def _keep_forces(t: Block, l: int, high: float, best: Array) -> float:
         t: work arrays.
         l: lane.
         high: friction coefficient that the best forces use.
-        best: (22,) the best contact forces, and forces LIMITS.
+        best: (VECTORS + 4,) the best contact forces, and forces LIMITS.
 
     Returns:
         The friction coefficient that the best forces use now.
     """
-    lanes, used = t.lanes, 0.0
+    lanes = t.lanes
     theta = lanes[STATE.theta * LANES + l]
-    for r in range(18):
+    for r in range(VECTORS):
         lanes[(STATE.force + r) * LANES + l] += theta * lanes[(WHEEL.normal + r) * LANES + l]
-    balance_step(lanes)
-    for i in range(6):
-        if lanes[(WHEEL.on + i) * LANES + l] > 0.0:
-            fx, fy, fz = vector(lanes, RESULT.force, i, l)
-            nx, ny, nz = vector(lanes, WHEEL.normal, i, l)
-            n = fx * nx + fy * ny + fz * nz
-            used = max(used, math.sqrt(max(fx * fx + fy * fy + fz * fz - n * n, 0.0)) / n if n > 0.0 else math.inf)
+    balance_step(lanes, t.queue[CAPACITY])
+    used = friction_used(t, l)
     if not used < high:
         return high
-    for r in range(18):
+    for r in range(VECTORS):
         best[r] = lanes[(RESULT.force + r) * LANES + l]
     for j in range(4):
-        best[18 + j] = lanes[(RESULT.y + j) * LANES + l]
+        best[VECTORS + j] = lanes[(RESULT.y + j) * LANES + l]
     return used

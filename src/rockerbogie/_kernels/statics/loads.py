@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit.decorators import inlined, njit
-from ..model.ground import META_X, META_Y, META_Z, Ground
-from ..model.linkage import P_BOX, PITCH, ROLL, Z, body_axes
+from ..jit.raw_views import unowned_view
+from ..model.ground import META_X, META_Y, META_Z, Ground, surface
+from ..model.linkage import P_BOX, P_HALF, PITCH, ROLL, Z, body_axes, forward_kinematics, set_hub_offsets
+from ..model.wheel import AX, AY, AZ, HX, HY, HZ
 from ..search.body_box import N_GAP, N_GX, N_GY, N_X, N_Y, N_Z, NEAR_SIZE, box_over_ground
 from .balance import EQUATIONS, axle_torque
 from .friction_path import HELD, UNHELD
@@ -20,16 +22,18 @@ from .lane_widening import widen_batch
 from .laws import equal_slip, frictionless_sides, parallel_forces
 from .least_friction import least_friction, lower_bound
 from .mechanism import BELLY, EXTRA, ON_BELLY, assemble, gravity_column, new_mechanism
-from .tipping import force_angle, hold_margin
+from .tipping import force_angle, hold_margin, set_corners
 
 Array = NDArray[np.float64]
 
 LEAST_FRICTION, EQUAL_TORQUE, EQUAL_SLIP, FRICTIONLESS_SIDES, VERTICAL = range(5)
 # What became of each pose
 BALANCED, NO_POSE, NOT_HELD, PULLS, UNDETERMINED, NOT_CONVERGED = range(6)
-PROVED = 1e-5  # largest gap between the least friction found and its proved bound
+PROVED = 1e-6  # largest gap between the least friction found, or 1, and its proved bound, of it
 PULL = -1e-9  # of the weight: a normal force below it pulls
 TOUCHING = 1e-6  # m: gap of a belly contact
+MIDDLE = 1e-7  # m: a contact this close to the middle of a tread may be a line
+FLUSH = 1e-8  # m: largest difference of the gaps along a contact line
 
 
 @njit
@@ -67,9 +71,50 @@ def belly_batch(
 
 
 @njit
+def span_batch(
+    ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, q: Array, point: Array, span: Array,
+    start: int, stop: int,
+) -> None:  # fmt: skip
+    """Fill the lines along which wheels touch the terrain over their whole width.
+
+    Args:
+        ground, rover: the packed terrain and rover.
+        x, y, yaw: (n,) m, m, rad.
+        steering: (n, 6) or (1, 6) rad.
+        q: (n, 6) poses.
+        point: (n, 6, 3) contact points from the body's origin, m; NaN where a wheel is off the ground.
+        span: (n, 6, 3) filled with half of each line, along the axle, m; 0: the contact is a point.
+        start, stop: range of poses.
+    """
+    m, grid, meta = new_mechanism(), ground[0], ground[2]
+    for k in range(start, stop):
+        span[k] = 0.0
+        if math.isnan(q[k, Z]):
+            continue
+        m.q[:] = q[k]
+        m.q[Z] -= meta[META_Z]
+        set_hub_offsets(rover, steering[k if steering.shape[0] > 1 else 0], m.hub_offsets)
+        px, py, c, s = x[k] - meta[META_X], y[k] - meta[META_Y], math.cos(yaw[k]), math.sin(yaw[k])
+        if not forward_kinematics(rover, m.hub_offsets, px, py, c, s, m.q, m.axes, m.pivots, m.wheels):
+            continue
+        for i in range(6):
+            w, half = m.wheels[i], rover[P_HALF + i]
+            cx, cy, cz = point[k, i, 0] + px, point[k, i, 1] + py, point[k, i, 2] + m.q[Z]
+            along = (cx - w[HX]) * w[AX] + (cy - w[HY]) * w[AY] + (cz - w[HZ]) * w[AZ]
+            if not (half > 0.0 and abs(along) < MIDDLE):
+                continue
+            gap, line = cz - surface(grid, meta, cx, cy)[0], True
+            for end in (-half, half):
+                there = cz + end * w[AZ] - surface(grid, meta, cx + end * w[AX], cy + end * w[AY])[0]
+                line &= abs(there - gap) < FLUSH
+            if line:
+                span[k, i, 0], span[k, i, 1], span[k, i, 2] = half * w[AX], half * w[AY], half * w[AZ]
+
+
+@njit
 def loads_batch(
-    rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, stops: NDArray[np.int8],
-    belly_point: Array, belly_normal: Array, field: Array, drawbar: Array, law: int, gap: float,
+    rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, span: Array,
+    stops: NDArray[np.int8], belly_point: Array, belly_normal: Array, field: Array, drawbar: Array, law: int, gap: float,
     force: Array, torque: Array, required: Array, bound: Array, limit: Array, belly: Array, status: NDArray[np.uint8],
     start: int, stop: int,
 ) -> None:  # fmt: skip
@@ -81,6 +126,7 @@ def loads_batch(
         steering: (n, 6) or (1, 6) rad.
         q: (n, 6) poses.
         point, normal: (n, 6, 3) contact points from the body's origin, m, NaN where a wheel is off the ground, and unit normals.
+        span: (n, 6, 3) or (1, 6, 3) half of the line along which a wheel touches, about `point`, m; 0: the contact is a point.
         stops: (n, 3) -1 or 1 where rocker, left or right bogie is at its low or high limit, else 0.
         belly_point, belly_normal: (n, BELLY, 3) or (1, BELLY, 3) contacts of the body's box, NaN where there is none.
         field: (n, 3) or (1, 3) gravity less the rover's acceleration in world axes, m/s².
@@ -96,6 +142,12 @@ def loads_batch(
         status: (n,) filled with BALANCED, NO_POSE, NOT_HELD, PULLS, UNDETERMINED or NOT_CONVERGED.
         start, stop: range of poses.
     """
+    rover, yaw, steering, q = unowned_view(rover), unowned_view(yaw), unowned_view(steering), unowned_view(q)
+    point, normal, span, stops = unowned_view(point), unowned_view(normal), unowned_view(span), unowned_view(stops)
+    belly_point, belly_normal = unowned_view(belly_point), unowned_view(belly_normal)
+    field, drawbar, force, torque = unowned_view(field), unowned_view(drawbar), unowned_view(force), unowned_view(torque)
+    required, bound, limit = unowned_view(required), unowned_view(bound), unowned_view(limit)
+    belly, status = unowned_view(belly), unowned_view(status)
     if law == VERTICAL or law == EQUAL_TORQUE:
         for k in range(start, stop):
             force[k] = torque[k] = limit[k] = required[k] = bound[k] = belly[k] = math.nan
@@ -112,11 +164,11 @@ def loads_batch(
     y, v = np.zeros(EXTRA), np.zeros(EQUATIONS)
     if law == LEAST_FRICTION:
         friction_batch(
-            rover, yaw, steering, q, point, normal, stops, belly_point, field, drawbar, gap,
+            rover, yaw, steering, q, point, normal, span, stops, belly_point, field, drawbar, gap,
             force, torque, required, bound, limit, belly, status, BALANCED, start, stop,
         )  # fmt: skip
         widen_batch(
-            rover, yaw, steering, q, point, normal, stops, belly_point, field, drawbar, gap,
+            rover, yaw, steering, q, point, normal, span, stops, belly_point, field, drawbar, gap,
             force, torque, required, bound, limit, belly, status, BALANCED, NOT_HELD, start, stop,
         )  # fmt: skip
     for k in range(start, stop):
@@ -190,6 +242,9 @@ def loads_batch(
             else:
                 belly[k] += y[j] * weight
         required[k] = used
+        if law == LEAST_FRICTION and not used - bound[k] < PROVED * max(1.0, used):
+            force[k] = torque[k] = limit[k] = required[k] = bound[k] = belly[k] = math.nan
+            status[k] = NOT_CONVERGED
 
 
 @inlined
@@ -205,15 +260,15 @@ def upright(normal: Array, gx: float, gy: float, gz: float) -> float:
 
 @njit
 def stability_batch(
-    rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, stops: NDArray[np.int8],
-    belly_point: Array, belly_normal: Array, friction: float, tolerance: float,
+    rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, span: Array,
+    stops: NDArray[np.int8], belly_point: Array, belly_normal: Array, friction: float, tolerance: float,
     margin: Array, bound: Array, direction: Array, stays: NDArray[np.bool_], slides: NDArray[np.bool_], angle: Array,
     energy: Array, start: int, stop: int,
 ) -> None:  # fmt: skip
     """Fill the tip margins of each pose.
 
     Args:
-        rover, yaw, steering, q, point, normal, stops, belly_point, belly_normal: as for `loads_batch`.
+        rover, yaw, steering, q, point, normal, span, stops, belly_point, belly_normal: as for `loads_batch`.
         friction: friction coefficient.
         tolerance: largest difference of the margin's bounds, rad.
         margin: (n,) filled with the hold margin, rad; NaN without a pose.
@@ -225,15 +280,21 @@ def stability_batch(
             for a weight of 1 N: rad m, m; (0,): not wanted.
         start, stop: range of poses.
     """
-    m = new_mechanism()
-    travel, way, status = np.empty((3, EQUATIONS)), np.empty(3), np.empty(margin.size, np.uint8)
+    rover, yaw, steering, q = unowned_view(rover), unowned_view(yaw), unowned_view(steering), unowned_view(q)
+    point, normal, span, stops = unowned_view(point), unowned_view(normal), unowned_view(span), unowned_view(stops)
+    belly_point, belly_normal = unowned_view(belly_point), unowned_view(belly_normal)
+    margin, bound, direction = unowned_view(margin), unowned_view(bound), unowned_view(direction)
+    stays, slides, angle, energy = unowned_view(stays), unowned_view(slides), unowned_view(angle), unowned_view(energy)
+    m, outcome = new_mechanism(), np.empty(margin.size, np.uint8)
+    travel, way, status = np.empty((3, EQUATIONS)), np.empty(3), unowned_view(outcome)
+    corner = np.empty((12, 3))
     for k in range(start, stop):
         margin[k] = bound[k] = direction[k] = math.nan
         stays[k] = slides[k] = False
         if angle.size > 0:
             angle[k] = energy[k] = math.nan
     margin_batch(
-        rover, yaw, steering, q, point, normal, stops, belly_point, friction, tolerance,
+        rover, yaw, steering, q, point, normal, span, stops, belly_point, friction, tolerance,
         margin, bound, direction, stays, slides, angle, energy, status, start, stop,
     )  # fmt: skip
     for k in range(start, stop):
@@ -261,4 +322,6 @@ def stability_batch(
         # and those of a force along x give that: (x, y, z) × (1, 0, 0) = (0, z, -y)
         if angle.size > 0:
             cx, cy, cz = -travel[2, 4] * reach, travel[2, 3] * reach, travel[0, 4] * reach
-            angle[k], energy[k] = force_angle(point[k], cx, cy, cz)
+            set_corners(point[k], span[k if span.shape[0] > 1 else 0], corner)
+            angle[k], energy[k] = force_angle(corner, cx, cy, cz)
+    outcome[:1] = 0  # keep the owner alive: `status` is an unowned view of it

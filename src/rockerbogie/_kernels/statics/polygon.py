@@ -27,25 +27,28 @@ def less(tangent: float, angle: float) -> float:
 
 
 @njit
-def insert(corner: Array, count: int, x: float, y: float, sure: bool, last: bool) -> int:
-    """Insert a corner, and remove corners that are no longer on the convex hull.
+def extend(corner: Array, count: int, x: float, y: float, sure: bool) -> int:
+    """Extend a polygon to the convex hull of itself and a point.
 
     Args:
         corner: (ROOM, 3) corners, counter-clockwise, changed.
-        count: number of corners.
+        count: number of corners, at least 3.
         x, y: the new corner.
         sure: its mark.
-        last: True: append it; the first corners must come in order.
 
     Returns:
         The new number of corners.
     """
-    at = count if last else _sector(corner, count, x, y) + 1
+    at = _sector(corner, count, x, y) + 1
+    n = at if at < count else 0
+    ax, ay, bx, by = corner[at - 1, X], corner[at - 1, Y], corner[n, X], corner[n, Y]
+    if count >= ROOM or (bx - ax) * (y - ay) - (by - ay) * (x - ax) >= 0.0:
+        return count
     for j in range(count, at, -1):
         corner[j] = corner[j - 1]
     corner[at, X], corner[at, Y], corner[at, SURE] = x, y, 1.0 if sure else 0.0
     count += 1
-    for side in range(0 if last else 2):
+    for side in range(2):
         step = 1 if side == 0 else -1
         while count > 3:
             a, b = (at + step) % count, (at + 2 * step) % count
@@ -65,7 +68,7 @@ def _sector(corner: Array, count: int, x: float, y: float) -> int:
     """Return the corner after which a direction comes.
 
     Args:
-        corner, count: as for `insert`.
+        corner, count: as for `extend`.
         x, y: the direction.
     """
     for j in range(count):
@@ -90,20 +93,23 @@ def _foot(ax: float, ay: float, bx: float, by: float) -> tuple[float, float]:
 
 
 @njit
-def chords_clear(corner: Array, count: int, x: float, y: float, distance: float) -> bool:
-    """Return True if both edges of a new corner are at least a distance away from the origin.
+def clear_about(corner: Array, count: int, x: float, y: float, distance: float) -> bool:
+    """Return True if the edges about a direction are at least a distance away from the origin.
+
+    These are the edge that the direction crosses and the two beside it.
 
     Args:
-        corner, count: as for `insert`.
-        x, y: the new corner.
+        corner, count: as for `extend`.
+        x, y: the direction.
         distance: the distance.
     """
-    j = _sector(corner, count, x, y)
-    n = j + 1 if j + 1 < count else 0
-    ax, ay, bx, by = corner[j, X], corner[j, Y], corner[n, X], corner[n, Y]
-    if ax * y - ay * x <= 0.0 or x * by - y * bx <= 0.0:
-        return False
-    return _foot(ax, ay, x, y)[0] >= distance and _foot(x, y, bx, by)[0] >= distance
+    first = _sector(corner, count, x, y) + count - 1
+    for step in range(3):
+        j = (first + step) % count
+        n = j + 1 if j + 1 < count else 0
+        if _foot(corner[j, X], corner[j, Y], corner[n, X], corner[n, Y])[0] < distance:
+            return False
+    return True
 
 
 @njit
@@ -111,7 +117,7 @@ def nearest_edge(corner: Array, count: int) -> tuple[float, float, float, bool]:
     """Return a polygon's distance from the origin inside it, and the way to the nearest edge.
 
     Args:
-        corner, count: as for `insert`.
+        corner, count: as for `extend`.
 
     Returns:
         Distance; unit vector to the foot; True if the foot is a corner with the mark SURE.

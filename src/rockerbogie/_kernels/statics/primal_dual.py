@@ -13,13 +13,38 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit.decorators import njit
 from ..jit.vectors import larger, on_lanes, root, smaller, where
 from .cone_scaling import Cone, Vector, Wheel, read, write
 from .lane_algebra import dots, factor, solve
-from .lane_rows import EQUATIONS, LIMITS, PROBLEM, RESULT, STATE
+from .lane_rows import (
+    BOGIE_LEFT,
+    BOGIE_RIGHT,
+    CONTACTS,
+    EQUATIONS,
+    LIMITS,
+    LINK,
+    OX,
+    OY,
+    OZ,
+    PROBLEM,
+    RAY,
+    RESULT,
+    ROCKER_RATE,
+    STATE,
+    VX,
+    VY,
+    WHEELS,
+)
+
+Array = NDArray[np.float64]
 
 TINY = 1e-300
 FAR = 1e30
+BALANCED = 1e-7  # of the weight: residual of forces that count as balanced
 BACK = 0.98  # share of the way to the boundary of the cones
 TRIES, SHORTER = 5, 0.75  # how often, and to which share, a step is shortened that leaves the cones of the new μ
 
@@ -38,12 +63,13 @@ class Limit:
         self.dw: Any = None
 
 
-def step(rows: Any, friction: bool) -> None:
+def step(rows: Any, friction: bool, contacts: int) -> None:
     """Take one step in all lanes.
 
     Args:
         rows: rows of the lane array (`lane_rows`).
         friction: True: least friction coefficient; False: greatest turn of gravity.
+        contacts: number of contacts, WHEELS or CONTACTS.
     """
     size = EQUATIONS - 1 if friction else EQUATIONS
     mu, price, theta, free = rows[STATE.mu], rows[STATE.price], rows[STATE.theta], rows[PROBLEM.free]
@@ -54,7 +80,7 @@ def step(rows: Any, friction: bool) -> None:
     short = list(b) if friction else [b[k] - theta * e[k] for k in range(size)]
     matrix: list[list[Any]] = [[None] * size for _ in range(size)]
     gap, bowed, left = zero, zero, price - 1.0
-    wheels = [Wheel(rows, i, not friction) for i in range(6)]
+    wheels = [Wheel(rows, i, not friction) for i in range(contacts)]
     limits = [Limit(rows, j, v) for j in range(3 if friction else 4)]
     for s in wheels:
         f, u = read(rows, STATE.force, s.i), read(rows, STATE.speed, s.i)
@@ -91,6 +117,8 @@ def step(rows: Any, friction: bool) -> None:
         bowed = bowed + price * over_mu
         for k, part in enumerate(solve(matrix, over, b)):
             rows[RESULT.proof + k] = part
+    if not friction:
+        find_sides(rows, wheels, limits, matrix, over, short)
     sigma, alpha, rest, d_theta, d_price = zero, zero, zero + 1.0, zero, zero
     dv = v
     for phase in range(2):
@@ -153,6 +181,54 @@ def step(rows: Any, friction: bool) -> None:
     rows[RESULT.gap], rows[RESULT.short], rows[RESULT.bowed], rows[RESULT.alpha] = gap, worst, bowed, alpha
 
 
+def gravity_force(rows: Any, x: Any, y: Any) -> list[Any]:
+    """Return the generalized force of horizontal gravity, of the weight.
+
+    Args:
+        rows: rows of the lane array (`lane_rows`).
+        x, y: its components.
+    """
+    force: list[Any] = [x * 0.0] * EQUATIONS
+    for k, at in ((BOGIE_LEFT, LINK.bogie_left), (BOGIE_RIGHT, LINK.bogie_right), (ROCKER_RATE, LINK.rocker)):
+        force[k] = rows[at] * x + rows[at + 1] * y
+    cx, cy, cz = rows[LINK.centre], rows[LINK.centre + 1], rows[LINK.centre + 2]
+    force[VX], force[VY] = x, y
+    force[OX], force[OY], force[OZ] = -cz * y, cz * x, cx * y - cy * x
+    return force
+
+
+def find_sides(
+    rows: Any, wheels: list[Wheel], limits: list[Limit], matrix: list[list[Any]], over: list[Any], short: list[Any]
+) -> None:
+    """Compute how far gravity can turn across a ray before forces leave their cones.
+
+    Forces change by the least amount in the metric of the scaling. Close to the boundary of the region that forces hold, they
+    move along it.
+
+    Args:
+        rows: rows of the lane array (`lane_rows`).
+        wheels, limits: contacts and limits, with their scaling.
+        matrix, over: factor of the step's matrix.
+        short: residual of the balance.
+    """
+    one = rows[STATE.mu] * 0.0 + 1.0
+    v = solve(matrix, over, gravity_force(rows, -rows[RAY.y], rows[RAY.x]))
+    left = right = one * (1.0 / FAR)
+    for s in wheels:
+        dx = s.hessian(s.cone(s.velocity(v), rows[STATE.mu]))
+        right = larger(right, s.x.rate(dx, s.over_x))
+        left = larger(left, s.x.rate(dx * -1.0, s.over_x))
+    for q in limits:
+        dy = q.on * q.sign * q.y * q.over_w * v[q.row]
+        right, left = larger(right, -dy), larger(left, dy)
+    worst = one * 0.0
+    for x in short:
+        worst = larger(worst, larger(x, -x))
+    good = worst < BALANCED
+    rows[RAY.start] = rows[STATE.theta]
+    rows[RAY.left], rows[RAY.right] = where(good, BACK / left, 0.0), where(good, BACK / right, 0.0)
+
+
 def inside_new_cones(wheels: list[Wheel], forces: list[Vector], mu: Any, alpha: Any, d_mu: Any) -> Any:
     """Return the share of a step that keeps forces and velocities in the cones of the new μ.
 
@@ -175,17 +251,18 @@ def inside_new_cones(wheels: list[Wheel], forces: list[Vector], mu: Any, alpha: 
     return alpha
 
 
-def balance(rows: Any) -> None:
+def balance(rows: Any, contacts: int) -> None:
     """Fill forces that balance exactly, by the least relative change.
 
     Args:
         rows: rows of the lane array (`lane_rows`).
+        contacts: number of contacts, WHEELS or CONTACTS.
     """
     size = EQUATIONS - 1
     one = rows[STATE.mu] * 0.0 + 1.0
     short = [rows[PROBLEM.b + k] for k in range(size)]
     matrix: list[list[Any]] = [[None] * size for _ in range(size)]
-    wheels = [Wheel(rows, i, False) for i in range(6)]
+    wheels = [Wheel(rows, i, False) for i in range(contacts)]
     limits = [Limit(rows, j, short) for j in range(3)]
     for s in wheels:
         force = read(rows, STATE.force, s.i)
@@ -210,7 +287,7 @@ def _friction(rows: Any) -> None:
     Args:
         rows: rows of the lane array.
     """
-    step(rows, True)
+    step(rows, True, WHEELS)
 
 
 def _turn(rows: Any) -> None:
@@ -219,9 +296,64 @@ def _turn(rows: Any) -> None:
     Args:
         rows: rows of the lane array.
     """
-    step(rows, False)
+    step(rows, False, WHEELS)
+
+
+def _turn_lines(rows: Any) -> None:
+    """Take one step of the greatest turn of gravity, contacts along lines included.
+
+    Args:
+        rows: rows of the lane array.
+    """
+    step(rows, False, CONTACTS)
+
+
+def _balance(rows: Any) -> None:
+    """Fill forces of six contacts that balance exactly.
+
+    Args:
+        rows: rows of the lane array.
+    """
+    balance(rows, WHEELS)
+
+
+def _balance_lines(rows: Any) -> None:
+    """Fill forces that balance exactly, contacts along lines included.
+
+    Args:
+        rows: rows of the lane array.
+    """
+    balance(rows, CONTACTS)
 
 
 friction_step = on_lanes(_friction)
-balance_step = on_lanes(balance)
-turn_step = on_lanes(_turn)
+_balance_six, _balance_twelve = on_lanes(_balance), on_lanes(_balance_lines)
+_turn_six, _turn_twelve = on_lanes(_turn), on_lanes(_turn_lines)
+
+
+@njit
+def turn_step(lanes: Array, contacts: int) -> None:
+    """Take one step of the greatest turn of gravity in all lanes.
+
+    Args:
+        lanes: the lane array.
+        contacts: number of contacts, WHEELS or CONTACTS.
+    """
+    if contacts == WHEELS:
+        _turn_six(lanes)
+    else:
+        _turn_twelve(lanes)
+
+
+@njit
+def balance_step(lanes: Array, contacts: int) -> None:
+    """Fill forces that balance exactly in all lanes.
+
+    Args:
+        lanes: the lane array.
+        contacts: number of contacts, WHEELS or CONTACTS.
+    """
+    if contacts == WHEELS:
+        _balance_six(lanes)
+    else:
+        _balance_twelve(lanes)

@@ -322,6 +322,22 @@ def hold_margin(
 
 
 @njit
+def set_corners(point: Array, span: Array, corner: Array) -> None:
+    """Fill the contact points of a pose, both ends of each contact line.
+
+    Args:
+        point: (6, 3) contact points, m; NaN where a wheel is off the ground.
+        span: (6, 3) half of each contact line, m; 0: the contact is a point.
+        corner: (12, 3) filled; NaN where there is no contact.
+    """
+    for i in range(6):
+        long = span[i, 0] != 0.0 or span[i, 1] != 0.0
+        for c in range(3):
+            corner[i, c] = point[i, c] - (span[i, c] if long else 0.0)
+            corner[i + 6, c] = point[i, c] + span[i, c] if long else math.nan
+
+
+@njit
 def force_angle(point: Array, cx: float, cy: float, cz: float) -> tuple[float, float]:
     """Return the force-angle measure and the energy margin of a rigid body of weight 1 N.
 
@@ -330,15 +346,15 @@ def force_angle(point: Array, cx: float, cy: float, cz: float) -> tuple[float, f
     which the centre of mass must rise to pass over an edge.
 
     Args:
-        point: (6, 3) contact points, m; NaN where a wheel is off the ground.
+        point: (n, 3) contact points, m; NaN where there is none.
         cx, cy, cz: centre of mass, m, in the same axes.
 
     Returns:
         rad m, m; both negative outside the support polygon; NaN with fewer than three contacts or all on a line.
     """
     least_angle, least_energy = math.inf, math.inf
-    for i in range(6):
-        for j in range(6):
+    for i in range(len(point)):
+        for j in range(len(point)):
             if i == j or math.isnan(point[i, 0]) or math.isnan(point[j, 0]):
                 continue
             ex, ey, ez = point[j, 0] - point[i, 0], point[j, 1] - point[i, 1], point[j, 2] - point[i, 2]
@@ -346,7 +362,7 @@ def force_angle(point: Array, cx: float, cy: float, cz: float) -> tuple[float, f
             if flat == 0.0:
                 continue
             outer, inner = True, False
-            for n in range(6):
+            for n in range(len(point)):
                 if n != i and n != j and not math.isnan(point[n, 0]):
                     side = (ex * (point[n, 1] - point[i, 1]) - ey * (point[n, 0] - point[i, 0])) / flat
                     outer &= side >= -ON_EDGE
