@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..arrays import Array
+from ..logs.live_pose import LivePose
 from ..rover.rotations import wrap_angle
 from ..settling.pose import Pose
 from .style import note_html
@@ -17,21 +18,6 @@ if TYPE_CHECKING:
 
 #: Time after the newest pose for which the rover counts as moving, s.
 FRESH = 0.3
-
-
-class LivePose(Protocol):
-    """Pose and joint angles of a robot at a time, such as `rockerbogie.ros.poses.LivePose`."""
-
-    time: float  # s
-    x: float  # m
-    y: float
-    roll: float  # rad
-    pitch: float
-    yaw: float
-    rocker: float
-    bogie: Array  # (2,)
-    steering: Array  # (6,)
-    wheel_angle: Array  # (6,)
 
 
 class LivePanel:

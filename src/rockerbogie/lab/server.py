@@ -12,6 +12,7 @@ from urllib.parse import urlsplit
 
 from .._kernels.jit.uncompiled import compile_first
 from ..errors import RockerbogieError, require
+from ..logs.live_pose import LivePose
 from ..motion.drive import drive
 from ..motion.path import Path
 from ..rover.model import Rover
@@ -20,7 +21,7 @@ from ..settling.settle import settle
 from ..terrain.heightfield import Terrain
 from .context import Lab
 from .index_page import with_script
-from .live_panel import LivePose, hand_over
+from .live_panel import hand_over
 from .readings import measure
 from .state import start_position
 from .style import BRAND

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,30 +14,13 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 
-from ..arrays import Array
 from ..errors import RockerbogieError
 from ..logs.channels import SIDES
+from ..logs.live_pose import LivePose
 from ..rover.model import Rover
 from ..rover.rotations import quaternion_angles
 from .joints import JointReader
 from .messages import seconds
-
-
-@dataclass(frozen=True)
-class LivePose:
-    """Pose and joint angles of a rover at a time; 0 for joints that are not published."""
-
-    time: float  # s
-    x: float  # m
-    y: float
-    z: float
-    roll: float  # rad
-    pitch: float
-    yaw: float
-    rocker: float
-    bogie: Array  # (2,)
-    steering: Array  # (6,)
-    wheel_angle: Array  # (6,)
 
 
 class LivePoses:
