@@ -151,6 +151,7 @@ class DrivePanel:
             position = self.run.at(self.time).position
             self.forget()
             self.session.state.move(*position)
+            self.session.redraw()
 
     def forget(self) -> None:
         """Drop the run, as rover or terrain have changed."""
