@@ -1,8 +1,14 @@
-"""Measure the server of `rockerbogie lab` with visitors without browsers.
+"""Measurements of `rockerbogie lab`: its server without browsers, its page in Chromium.
 
 python tools/lab_load.py drag            settled poses per second received during a drag, and the server's time per pose
 python tools/lab_load.py open            time until a 2,000 x 2,000 terrain has arrived at a visitor
 python tools/lab_load.py visitors 600    ten visitors that drag, leave and return, for so many seconds: memory per wave
+
+With `tests` on PYTHONPATH, in headless Chromium without a graphics card:
+python tools/lab_load.py painted [1280x800]   settled poses per second painted during a drag
+python tools/lab_load.py painted-open         time until a 2,000 x 2,000 terrain is painted, and poses per second on it
+
+Each of these states the share of the machine's processors that other programs used meanwhile.
 """
 
 from __future__ import annotations
@@ -10,6 +16,7 @@ from __future__ import annotations
 import asyncio
 import gc
 import json
+import os
 import sys
 import time
 from typing import Any
@@ -152,6 +159,126 @@ async def measure_open() -> dict[str, Any]:
     return {"nodes": terrain.z.shape, "seconds": spent, "MB sent": size / 1e6, "tiles": count, "note": note}
 
 
+#: Counts pictures, and pictures that show a new pose of the body.
+COUNT = """() => {
+  const view = window.__viserMutable, before = view.scene.onAfterRender, count = window.count = { pictures: 0, poses: 0 };
+  let last = "";
+  view.scene.onAfterRender = (...all) => {
+    before(...all);
+    const now = view.nodeRefFromName["/rover/body"].matrixWorld.elements.map((v) => v.toFixed(7)).join();
+    count.pictures += 1;
+    count.poses += now !== last;
+    last = now;
+  };
+}"""
+#: Drags the rover in a circle, with one event per picture as a browser sends them.
+DRAG_THERE = """([x, y]) => {
+  const canvas = window.__viserMutable.canvas, begun = performance.now();
+  const send = (kind, x, y) => canvas.dispatchEvent(new PointerEvent(kind, {
+    clientX: x, clientY: y, bubbles: true, pointerId: 1, pointerType: "mouse", isPrimary: true, buttons: 1,
+    button: kind === "pointermove" ? -1 : 0 }));
+  const move = () => {
+    const angle = 0.0015 * (performance.now() - begun);
+    send("pointermove", x + 60 * Math.sin(angle), y + 30 * (1 - Math.cos(angle)));
+    requestAnimationFrame(move);
+  };
+  send("pointerdown", x, y);
+  move();
+}"""
+#: True once so many meshes of terrain are in the scene and a picture with them is drawn.
+PAINTED = """(meshes) => {
+  const view = window.__viserMutable, nodes = view ? view.nodeRefFromName : {};
+  const drawn = (name) => { let found = false; nodes[name].traverse((o) => { found ||= Boolean(o.isMesh); }); return found; };
+  const ready = Object.keys(nodes).filter((name) => /^.terrain.(coarse|light)/.test(name) && nodes[name] && drawn(name));
+  if (ready.length < meshes) return false;
+  if (window.wanted === undefined) window.wanted = window.__viserTestpoints.rendererInfo.render.frame + 1;
+  return window.__viserTestpoints.rendererInfo.render.frame > window.wanted;
+}"""
+
+
+def processors() -> tuple[float, float]:
+    """Return the processor time used by this process with its children, and by all, s."""
+
+    def tree(pid: int) -> list[int]:
+        with open(f"/proc/{pid}/task/{pid}/children") as file:
+            return [pid, *(p for child in file.read().split() for p in tree(int(child)))]
+
+    own = 0
+    for pid in tree(os.getpid()):
+        with open(f"/proc/{pid}/stat") as file:
+            own += sum(map(int, file.read().rpartition(")")[2].split()[11:13]))
+    with open("/proc/stat") as file:
+        user, nice, system, _, _, irq, soft, steal = map(int, file.readline().split()[1:9])
+    tick = os.sysconf("SC_CLK_TCK")
+    return own / tick, (user + nice + system + irq + soft + steal) / tick
+
+
+def drag_painted(page: Any, session: Any, seconds: float) -> dict[str, Any]:
+    """Drag the rover in an open page, and count what is painted."""
+    from support.browser import close_notes, pixel_of
+
+    time.sleep(3.0)
+    close_notes(page)
+    state = session.state
+    start = pixel_of(page, session, (state.x, state.y, float(state.pose.z) + 0.75 * float(state.rover.rocker_pivot[0, 2])))
+    page.evaluate(COUNT)
+    page.evaluate(DRAG_THERE, [float(v) for v in start])
+    time.sleep(2.0)
+    frames, count, (own, every), began = (
+        session.frames,
+        page.evaluate("() => ({...window.count})"),
+        processors(),
+        time.perf_counter(),
+    )
+    time.sleep(seconds)
+    now, (own_now, every_now), spent = page.evaluate("() => ({...window.count})"), processors(), time.perf_counter() - began
+    poses = now["poses"] - count["poses"]
+    return {
+        "poses painted per second": poses / spent, "pictures per second": (now["pictures"] - count["pictures"]) / spent,
+        "poses sent per second": (session.frames - frames) / spent, "light drawing": session.light,
+        "processor ms per pose painted": 1e3 * (own_now - own) / max(poses, 1),
+        "processors used by other programs": (every_now - every - own_now + own) / spent, "of": os.cpu_count(),
+    }  # fmt: skip
+
+
+def measure_painted(size: str) -> dict[str, Any]:
+    """Drag the Open Source Rover over rocks in Chromium."""
+    from support.browser import chromium, open_page
+
+    width, height = map(int, size.split("x"))
+    lab = start_lab(rb.load_rover("osr"), rb.surfaces.rocks())
+    with chromium() as browser:
+        page = open_page(browser, lab.url, (width, height))
+        found = drag_painted(page, next(iter(lab.sessions.values())), 8.0)
+    lab.stop()
+    return found
+
+
+def measure_painted_open() -> dict[str, Any]:
+    """Open a terrain of 2,000 by 2,000 nodes in Chromium, and drag a rover on it."""
+    import rockerbogie.lab.server as server
+    from support.browser import chromium
+
+    found = {}
+    for light in (True, False):
+        server.draws_on_processor = lambda client, light=light: light
+        lab = start_lab(rb.load_rover("curiosity"), rb.surfaces.fractal(size=199.9, spacing=0.1, seed=2))
+        with chromium() as browser:
+            page = browser.new_page(viewport={"width": 1280, "height": 800})
+            page.set_default_timeout(180_000)
+            began = time.perf_counter()
+            page.goto(lab.url)
+            page.wait_for_selector('[data-key="roll"]', state="attached")
+            numbers = time.perf_counter() - began
+            session = next(iter(lab.sessions.values()))
+            page.wait_for_function(PAINTED, arg=max(1, len(session.terrain_view._tiles)))
+            spent = time.perf_counter() - began
+            dragged = drag_painted(page, session, 6.0)
+            found["light" if light else "full"] = {"seconds until numbers": numbers, "seconds until painted": spent} | dragged
+        lab.stop()
+    return found
+
+
 def memory() -> float:
     """Return the resident memory of this process, MB."""
     gc.collect()
@@ -195,10 +322,14 @@ async def measure_visitors(seconds: float) -> dict[str, Any]:
 
 def main() -> None:
     """Run one measurement and print it as JSON."""
-    what = sys.argv[1] if len(sys.argv) > 1 else "drag"
-    seconds = float(sys.argv[2]) if len(sys.argv) > 2 else 600.0
-    work = {"drag": measure_drag, "open": measure_open, "visitors": lambda: measure_visitors(seconds)}[what]()  # type: ignore[operator]
-    print(json.dumps(asyncio.run(work), indent=1, default=str))
+    what, *more = sys.argv[1:] or ["drag"]
+    if what in ("painted", "painted-open"):
+        found = measure_painted(*(more or ["1280x800"])) if what == "painted" else measure_painted_open()
+    else:
+        seconds = float(more[0]) if more else 600.0
+        work = {"drag": measure_drag, "open": measure_open, "visitors": lambda: measure_visitors(seconds)}[what]()  # type: ignore[operator]
+        found = asyncio.run(work)
+    print(json.dumps(found, indent=1, default=str))
 
 
 if __name__ == "__main__":
