@@ -29,7 +29,8 @@ def test_a_browser_without_a_graphics_card_gets_light_drawing_and_a_note(browser
     session = wait_for(lambda: next(iter(plain_lab.sessions.values()), None), "a session")
     assert session.light
     assert session.terrain_panel.light.value
-    assert "no graphics card" in page.inner_text('[data-key="software"]')
+    assert "without a graphics card" in page.inner_text('[data-key="software"]')
+    wait_for(lambda: page.locator(".mantine-Notification-root").count() == 0, "viser's own warning closed")
 
     close_notes(page)
     wait_for(lambda: page.evaluate(WIDTH) == page.evaluate(WIDTH.replace("width", "clientWidth")), "a sharp picture at rest")

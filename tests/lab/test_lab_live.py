@@ -9,8 +9,8 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -22,8 +22,9 @@ import rockerbogie as rb
 from rockerbogie.cli import main
 from rockerbogie.lab.live_panel import table_html
 from rockerbogie.lab.server import start_lab
+from rockerbogie.logs.live_pose import LivePose
 from ros.ros_bench import Bench, needs_ros
-from support.browser import chromium, close_notes, drag, open_page, pixel_of, text_of, wait_for
+from support.browser import chromium, drag, open_page, pixel_of, text_of, wait_for
 from support.lab_page import at_rest, check_numbers, visible
 
 ROVER = rb.load_rover("osr")
@@ -36,11 +37,10 @@ def browser() -> Iterator[Any]:
         yield one
 
 
-def reported(x: float, y: float, yaw: float, **other: Any) -> Any:
+def reported(x: float, y: float, yaw: float, **other: Any) -> LivePose:
     """Return a pose as a robot reports it."""
-    values = {"time": 1.0, "z": 0.0, "roll": 0.1, "pitch": -0.05, "rocker": 0.02, "bogie": np.array([0.03, -0.04])}
-    zeros = {"steering": np.zeros(6), "wheel_angle": np.zeros(6)}
-    return SimpleNamespace(x=x, y=y, yaw=yaw, **(values | zeros | other))
+    pose = LivePose(1.0, x, y, 0.0, 0.1, -0.05, yaw, 0.02, np.array([0.03, -0.04]), np.zeros(6), np.zeros(6))
+    return replace(pose, **other)
 
 
 def poses_of(waiting: queue.Queue[Any]) -> Iterator[Any]:
@@ -70,9 +70,7 @@ def test_the_rover_tracks_a_robot_until_it_is_dragged(browser: Any) -> None:
         page.wait_for_selector('[data-key="live"][data-time="4.000"]')
         assert visible(page, "/ghost/body")
         assert "5.73°" in text_of(page, "live"), "roll of the robot"
-        page.wait_for_selector(".mantine-Notification-closeButton")  # of viser, in a browser without a graphics card
-        close_notes(page)
-        page.wait_for_selector(".mantine-Notification-root", state="detached")
+        page.wait_for_function("() => !document.querySelector('.mantine-Notification-root')")
         body = (session.state.x, session.state.y, float(session.state.pose.z) + 0.2)
         drag(page, pixel_of(page, session, body), pixel_of(page, session, np.array(body) + (-0.2, 0.2, 0.0)))
         wait_for(lambda: session.state.x < 0.15 and at_rest(session), "the dragged rover")

@@ -25,19 +25,25 @@
     return get.call(this, kind, kind.startsWith("webgl") ? { ...options, antialias: false } : options);
   };
   const SHARP = Math.min(devicePixelRatio, 1), COARSE = 0.5;
-  const MOVING = 350, REST = 600;  // ms of pictures in a row, and without one
-  let watched = null, began = 0, last = -Infinity, timer = 0;
+  const MOVING = 350, ROW = 6;  // ms and number of pictures in a row from which the scene counts as moving
+  const REST = 600;  // ms without a picture from which it counts as at rest
+  let watched = null, began = 0, row = 0, last = -Infinity, timer = 0;
   const ratio = (value) => window.__viserTestpoints.devSettings.set({ fixedDpr: value });
   const drawn = () => {
     const now = performance.now();
-    if (now - last > REST) began = now;
+    if (now - last > REST) [began, row] = [now, 0];
     last = now;
-    if (now - began > MOVING) ratio(COARSE);
+    row += 1;
+    if (now - began > MOVING && row >= ROW) ratio(COARSE);
     clearTimeout(timer);
     timer = setTimeout(() => ratio(SHARP), REST);
   };
   setInterval(() => {
     const scene = window.__viserTestpoints && window.__viserMutable && window.__viserMutable.scene;
+    // viser's own warning stays until it is closed, and the page has one beside the numbers.
+    for (const note of document.querySelectorAll(".mantine-Notification-root")) {
+      if (note.textContent.startsWith("Software WebGL")) note.querySelector("button").click();
+    }
     if (!scene || scene === watched) return;
     watched = scene;
     scene.onAfterRender = drawn;

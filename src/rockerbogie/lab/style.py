@@ -16,10 +16,13 @@ CSS = """<style>
 </style>"""
 HINT = (
     CSS + '<div data-key="hint" style="padding:.5em .8em .3em;font-size:14px"><b>Drag the rover</b> over the terrain: it settles '
-    "as you drag. <b>Drag the yellow ring</b> to turn it.</div>"
+    "as you drag. <b>Drag the yellow ring</b> to turn it. The tab <b>Rover</b> changes its links.</div>"
 )
 #: Note in a browser that draws on the processor.
-SOFTWARE = "This browser has no graphics card: light drawing is on, and the view is coarser while it moves (tab Terrain)."
+SOFTWARE = (
+    "This browser draws without a graphics card (see its setting of hardware acceleration): light drawing is on (tab Terrain), "
+    "and a moving picture is coarser."
+)
 
 
 def note_html(text: str, key: str = "", warning: bool = False) -> str:
