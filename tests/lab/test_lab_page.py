@@ -85,6 +85,8 @@ def test_a_slider_changes_the_rover(page: Any, session: Any) -> None:
     with page.expect_download() as download:
         press(page, "Save as TOML")
     saved = rb.load_rover(download.value.path().rename(Path(download.value.path()).with_suffix(".toml")))
+    assert saved.name == "osr-changed"
+    assert saved.source.endswith("changed in the lab")
     assert np.allclose(saved.wheel_radius, session.state.rover.wheel_radius)
     press(page, "Back to the original sizes")
     wait_for(lambda: session.state.rover.wheel_radius[0] == own, "the original wheels")

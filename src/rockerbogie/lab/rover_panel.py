@@ -104,5 +104,7 @@ class RoverPanel:
     def _save(self, _: Any) -> None:
         """Send the rover to the browser as a TOML file."""
         rover = self.session.state.rover
-        name = plain_name(rover.name if rover is self.base else f"{rover.name}-changed")
-        self.session.client.send_file_download(f"{name}.toml", to_toml(rover).encode(), save_immediately=True)
+        if rover is not self.base:
+            source = f"{self.base.source}; sizes changed in the lab".removeprefix("; ")
+            rover = rover.replace(name=f"{self.base.name}-changed", source=source)
+        self.session.client.send_file_download(f"{plain_name(rover.name)}.toml", to_toml(rover).encode(), save_immediately=True)
