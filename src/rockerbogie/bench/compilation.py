@@ -17,7 +17,7 @@ from ..errors import RockerbogieError
 TOO_STEEP = 1.3
 
 #: Number of steps of `_steps`.
-STEPS = 30
+STEPS = 32
 
 
 class Compiled(NamedTuple):
