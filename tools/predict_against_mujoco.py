@@ -3,7 +3,7 @@
     python tools/predict_against_mujoco.py [ROVER ...] [--write]
 
 Both drive the same wheel rates and steering over time, open loop; MuJoCo's motors hold them. The error is the largest distance
-between the two reference points at equal times. All rovers take about 5 minutes; --write replaces the rows of the rovers given.
+between the two reference points at equal times. All rovers take about 10 minutes; --write replaces the rows of the rovers given.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ import rockerbogie as rb
 PAGE = FilePath(__file__).resolve().parents[1] / "docs" / "prediction.md"
 FIRST, LAST = "<!-- mujoco -->", "<!-- end of mujoco -->"
 HEADER = (
-    "| rover | terrain | commands | distance | path error, largest | at the end | yaw error | "
-    "roll slip: median, 95 % (MuJoCo) | predict | MuJoCo |\n|---|---|---|---|---|---|---|---|---|---|\n"
+    "| rover | terrain | friction | commands | distance | path error, largest | at the end | yaw error | "
+    "roll slip: median, 95 % (MuJoCo) | a wheel off the ground (MuJoCo) | predict | MuJoCo |\n" + 12 * "|---" + "|\n"
 )
-FRICTION, SPEED, LENGTH = 0.8, 0.05, 10.0
+FRICTIONS, SPEED, LENGTH = (0.5, 0.8), 0.05, 10.0
 #: Rover -> smallest and largest diameter of rocks, node spacing, m.
 ROCKS = {"osr": (0.05, 0.12, 0.02), "curiosity": (0.1, 0.3, 0.05), "perseverance": (0.1, 0.3, 0.05)}
 
@@ -39,6 +39,7 @@ class Case(NamedTuple):
     start: tuple[float, float, float]
     curvature: float  # 1/m
     constant: bool  # True: all wheels turn at one constant rate
+    friction: float
 
 
 def slope(degrees: float) -> rb.Terrain:
@@ -50,19 +51,22 @@ def slope(degrees: float) -> rb.Terrain:
 
 
 def cases(rover: str) -> list[Case]:
-    """Return the drives of one rover on a slope of 15° and on two fields of rocks."""
+    """Return the drives of one rover on a slope and on two fields of rocks, with each friction."""
     plane = slope(15.0)
     small, large, spacing = ROCKS[rover]
-    found = [
-        Case(rover, "15° up", plane, (20.0, 10.0, np.pi / 2), 0.0, False),
-        Case(rover, "15° across", plane, (10.0, 20.0, 0.0), 0.0, False),
-        Case(rover, "15°, arc of 10 m radius", plane, (15.0, 15.0, 0.6), 0.1, False),
-    ]
-    for seed in (0, 1):
-        ground = rb.surfaces.rocks(0.1, seed, smallest=small, largest=large, size=30.0, spacing=spacing)
-        x0, y0, x1, y1 = ground.bounds
-        start = ((x0 + x1) / 2 - 4, (y0 + y1) / 2, 0.1)
-        found.append(Case(rover, f"rocks of {100 * small:g} to {100 * large:g} cm, seed {seed}", ground, start, 0.0, True))
+    fields = [rb.surfaces.rocks(0.1, seed, smallest=small, largest=large, size=30.0, spacing=spacing) for seed in (0, 1)]
+    found = []
+    for friction in FRICTIONS:
+        found += [
+            Case(rover, "15° up", plane, (20.0, 10.0, np.pi / 2), 0.0, False, friction),
+            Case(rover, "15° across", plane, (10.0, 20.0, 0.0), 0.0, False, friction),
+            Case(rover, "15°, arc of 10 m radius", plane, (15.0, 15.0, 0.6), 0.1, False, friction),
+        ]
+        for seed, ground in enumerate(fields):
+            x0, y0, x1, y1 = ground.bounds
+            start = ((x0 + x1) / 2 - 4, (y0 + y1) / 2, 0.1)
+            name = f"rocks of {100 * small:g} to {100 * large:g} cm, seed {seed}"
+            found.append(Case(rover, name, ground, start, 0.0, True, friction))
     return found
 
 
@@ -75,31 +79,34 @@ def row(case: Case) -> str:
         rates = np.tile(SPEED / rover.wheel_radius, (2, 1))
         table = {"wheel_rate": (("time", "wheel"), rates), "steering": (("time", "wheel"), np.zeros((2, 6)))}
         commands = xr.Dataset(table, {"time": [0.0, LENGTH / SPEED]})
-        predicted = rb.predict(rover, case.terrain, case.start, commands, friction=FRICTION, details=False)
+        predicted = rb.predict(rover, case.terrain, case.start, commands, friction=case.friction, details=False)
         began = time.process_time()
-        rb.predict(rover, case.terrain, case.start, commands, friction=FRICTION, details=False)
+        rb.predict(rover, case.terrain, case.start, commands, friction=case.friction, details=False)
     else:
         path = straight if case.curvature == 0.0 else rb.Path.arc((x, y), yaw, 1 / case.curvature, LENGTH * case.curvature)
-        predicted = rb.predict(rover, case.terrain, None, path, friction=FRICTION, speed=SPEED, details=False)
+        predicted = rb.predict(rover, case.terrain, None, path, friction=case.friction, speed=SPEED, details=False)
         began = time.process_time()
-        rb.predict(rover, case.terrain, None, path, friction=FRICTION, speed=SPEED, details=False)
+        rb.predict(rover, case.terrain, None, path, friction=case.friction, speed=SPEED, details=False)
         commands = predicted[["wheel_rate_command", "steering"]].rename(wheel_rate_command="wheel_rate")
     ours = time.process_time() - began
     began = time.process_time()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        sim = rb.simulate(rover, case.terrain, straight, SPEED, friction=FRICTION, torque=1e6, commands=commands, interval=0.5)
+        sim = rb.simulate(
+            rover, case.terrain, straight, SPEED, friction=case.friction, torque=1e6, commands=commands, interval=0.5
+        )
     theirs = time.process_time() - began
     at = {name: np.interp(sim["time"], predicted["time"], predicted[name]) for name in ("x", "y", "yaw")}
     error = np.hypot(sim["x"] - at["x"], sim["y"] - at["y"]).to_numpy()
     turned = abs(np.degrees(float(sim["yaw"][-1]) - at["yaw"][-1]))
     slip = [np.nanpercentile(np.abs(run["roll_slip"]), (50, 95)) for run in (predicted, sim)]
     shown = "{:.2g}, {:.2g} ({:.2g}, {:.2g}) mm/s".format(*(1e3 * np.concatenate(slip)))
+    lifted = 100 * float(np.isnan(sim["contact_angle"]).any("wheel").mean())  # no contact force on a wheel
     rates = "constant rates" if case.constant else "path"
     share = 100 * error / LENGTH
     return (
-        f"| {case.rover} | {case.name} | {rates} | {float(sim['distance'][-1]):.2f} m | {share.max():.2f} % | {share[-1]:.2f} % "
-        f"| {turned:.2f}° | {shown} | {1e3 * ours:.0f} ms | {theirs:.0f} s |"
+        f"| {case.rover} | {case.name} | {case.friction:g} | {rates} | {float(sim['distance'][-1]):.2f} m | {share.max():.2f} % "
+        f"| {share[-1]:.2f} % | {turned:.2f}° | {shown} | {lifted:.0f} % | {1e3 * ours:.0f} ms | {theirs:.0f} s |"
     )
 
 
