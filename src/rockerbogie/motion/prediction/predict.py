@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -135,22 +135,8 @@ def predict(
         raise RockerbogieError(
             f"{size:,} drives of {records:,} records take {size * records * kernel.R_SIZE * 8e-9:.1f} GB: give a larger record="
         )
-    out, ends, places = _roll_out(
-        rover,
-        terrain,
-        packed,
-        first,
-        which,
-        mu,
-        grip.tables,
-        grip.table_of[soil_of],
-        field,
-        limits,
-        float(error),
-        every,
-        records,
-        progress,
-    )
+    drives = _Drives(first, which, mu, grip.tables, grip.table_of[soil_of])
+    out, ends, places = _roll_out(rover, terrain, packed, drives, field, limits, float(error), every, records, progress)
     stopped = packed.rows[which, np.minimum(ends[:, 1], packed.counts[which] - 1), kernel.C_STEERING :]
     rigid = mu if soil is None else np.full(size, np.nan)
     codes = drive_ends(rover, terrain, ends[:, 0], places, stopped, rigid, bool(np.isfinite(limits).any()))
@@ -160,18 +146,30 @@ def predict(
     )  # fmt: skip
 
 
+class _Drives(NamedTuple):
+    """Inputs of each of n drives."""
+
+    first: Array  # (n, 3) x, y (m) and yaw (rad) at the start
+    which: NDArray[np.int64]  # (n,) row of the packed commands
+    friction: Array  # (n,) coefficient on rigid terrain
+    tables: Array  # (m, size) packed tables of wheel-soil forces (`SoilTables`)
+    table_of: NDArray[np.int64]  # (n, 6) table of each wheel
+
+
 def _roll_out(
-    rover: Rover, terrain: Terrain, packed: PackedCommands, first: Array, which: NDArray[np.int64], mu: Array, tables: Array,
-    table_of: NDArray[np.int64], gravity: float, limits: Array, tolerance: float, every: int, records: int,
-    progress: Callable[[int, int], None] | None,
+    rover: Rover, terrain: Terrain, packed: PackedCommands, drives: _Drives, gravity: float, limits: Array, tolerance: float,
+    every: int, records: int, progress: Callable[[int, int], None] | None,
 ) -> tuple[Array, NDArray[np.int64], Array]:  # fmt: skip
-    """Return records (n, records, R_SIZE), ends (n, 2) and the places of the ends (n, 3)."""
-    size = len(first)
+    """Return records (n, records, R_SIZE), ends (n, 2) and the positions of the ends (n, 3)."""
+    size = len(drives.first)
     # numba compiles read-only arrays apart
     first, mu, tables, limits, rows, fastest = (
-        np.require(array, requirements=["C", "W"]) for array in (first, mu, tables, limits, packed.rows, packed.fastest)
+        np.require(array, requirements=["C", "W"])
+        for array in (drives.first, drives.friction, drives.tables, limits, packed.rows, packed.fastest)
     )
-    which, table_of, counts = (np.require(array, requirements=["C", "W"]) for array in (which, table_of, packed.counts))
+    which, table_of, counts = (
+        np.require(array, requirements=["C", "W"]) for array in (drives.which, drives.table_of, packed.counts)
+    )
     out, ends, places = np.empty((size, records, kernel.R_SIZE)), np.zeros((size, 2), dtype=np.int64), np.zeros((size, 3))
     batch = size if progress is None else max(PIECE * 64, 1)
     for begin in range(0, size, batch):
