@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from ..logs.odometry_filter import Estimate
 from ..rover.model import Rover
-from .command_part import CommandPart
+from .command_part import CommandPart, Host
 from .costmap_part import CostMapPart
 from .intake import Intake
 from .messages import ERROR, OK, STALE, WARN, status
@@ -19,34 +18,16 @@ from .messages import ERROR, OK, STALE, WARN, status
 STANDING = 5e-3
 
 
-class Diagnosed(Protocol):
+class Diagnosed(Host, Protocol):
     """Node that is diagnosed."""
 
     rover: Rover | None
     intake: Intake
     commands: CommandPart | None
     cost_map: CostMapPart | None
-    estimate: Estimate | None
     received: Counter[str]  # messages by kind
     failures: int  # rows that the filter refused
     joints_at: float  # time of the last joint state, s
-
-    def now(self) -> float:
-        """Return the node's time.
-
-        Returns:
-            s.
-        """
-
-    def value(self, name: str) -> Any:
-        """Return a parameter.
-
-        Args:
-            name: one of `PARAMETERS`.
-
-        Returns:
-            Its value.
-        """
 
 
 def diagnoses(node: Diagnosed) -> list[DiagnosticStatus]:
