@@ -147,7 +147,23 @@ def undocumented_kernels() -> Iterator[Place]:
                 yield Place(file, node.lineno, f"{node.name} has no Args")
 
 
+def without_docstring() -> Iterator[Place]:
+    """Yield functions and methods of the package that have no docstring.
+
+    Operators need none, nor do the bodiless functions of a protocol, whose field names say it.
+    """
+    for file in files("src/rockerbogie/**/*.py"):
+        tree = ast.parse(file.read_text(encoding="utf-8"))
+        for owner in ast.walk(tree):
+            for node in owner.body if isinstance(owner, ast.Module | ast.ClassDef) else []:
+                if isinstance(node, ast.FunctionDef) and not node.name.startswith("__"):
+                    bodiless = ast.unparse(node.body[-1]) == "..."
+                    if not bodiless and not ast.get_docstring(node):
+                        yield Place(file, node.lineno, f"{node.name} has no docstring")
+
+
 RULES = {
+    "docstring": without_docstring,
     "opening": openings,
     "first line": long_first_lines,
     "retired word": retired_words,

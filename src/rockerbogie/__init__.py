@@ -289,6 +289,7 @@ class _MovedModules:
     """Finder and loader that give a module under its former name, with a DeprecationWarning."""
 
     def find_spec(self, name: str, path: object = None, target: ModuleType | None = None) -> ModuleSpec | None:
+        """Return a specification for a module that has moved; None for others."""
         package, _, module = name.partition(".")
         moved = package == __name__ and module.partition(".")[0] in _MOVED
         return ModuleSpec(name, self) if moved else None  # type: ignore[arg-type]
@@ -297,6 +298,7 @@ class _MovedModules:
         """Return None: the import system makes an empty module, which `exec_module` replaces."""
 
     def exec_module(self, module: ModuleType) -> None:
+        """Put the module of the present name in place of the empty one, and warn."""
         former, dot, rest = module.__name__.removeprefix(f"{__name__}.").partition(".")
         name = f"{__name__}.{_MOVED[former]}{dot}{rest}"
         warnings.warn(f"{module.__name__} has moved to {name}", DeprecationWarning, stacklevel=2)

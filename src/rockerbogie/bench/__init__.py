@@ -122,6 +122,7 @@ def _groups(case: Case, x: Array, y: Array, yaw: Array) -> Array:
 
 
 def _part(case: Case, x: Array, y: Array, yaw: Array, first: int) -> Callable[[], object]:
+    """Return a call that settles GROUP poses, from the given index on."""
     part = slice(first, first + GROUP)
     return lambda: settle(case.rover, case.terrain, x[part], y[part], yaw[part])
 

@@ -94,16 +94,19 @@ def _ratio(case: Mapping[str, Any], baseline: str) -> str:
 
 
 def _gap(case: Mapping[str, Any], baseline: str) -> str:
+    """Return a baseline's median gap as text; a dash if it solved no pose."""
     gap = case["baseline_gap"][baseline]
     return "-" if gap is None else f"{gap:.0e}"
 
 
 def _of(cases: list[Any], caption: str, columns: list[tuple[str, Callable[[Any], str]]]) -> Table:
+    """Return a table of one row per case, with a text per column."""
     rows = [[case["name"], *(text(case) for _, text in columns)] for case in cases]
     return Table(caption, ["case", *(heading for heading, _ in columns)], rows)
 
 
 def _growth(growth: Mapping[str, Any]) -> list[Table]:
+    """Return tables of the time per pose against batch size, map size and cell size."""
     titles = {
         "poses": ("poses", "poses in one call, smooth cubic terrain"),
         "nodes": ("nodes", "nodes of the map, rough terrain, thin disc"),
@@ -162,6 +165,7 @@ def _worst(rows: list[Any]) -> list[Table]:
 
 
 def _other_costs(figures: Mapping[str, Any]) -> list[list[str]]:
+    """Return rows of text: what is measured, and its value with the unit."""
     calls, jacobians, memory = figures["calls"], figures["jacobians"], figures["memory"]
     rows = [
         ["one pose in one call from Python", f"{calls['single_us']:.1f} µs"],

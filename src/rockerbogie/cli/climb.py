@@ -259,9 +259,11 @@ def _print_limits(limits: ClimbLimits) -> None:
 
 
 def _because(reason: str) -> str:
+    """Return the reason for a limit as text."""
     return "larger ones were not tried" if reason == "size" else REASONS[reason]
 
 
 def _print_files(files: list[Path]) -> None:
+    """Print the names of the files, one a line."""
     for file in files:
         print(file)

@@ -86,7 +86,7 @@ def lab(
 
 
 def _serve(page: Any, host: str, browser: bool) -> int:
-    """Print the address of a page, open it, and serve it until Ctrl-C."""
+    """Print the address of a page, open it, and serve it until Ctrl-C; return exit code 0."""
     from ..lab.server import LOOPBACK
 
     if host not in LOOPBACK:

@@ -184,7 +184,7 @@ def map_(
 
 @contextmanager
 def _shown(parts: Path | None) -> Iterator[tuple[Callable[[int, int], None], Callable[[int, int], None]]]:
-    """Show progress of settling and writing, and print notes on resumed and kept work."""
+    """Show progress and notes on resumed work; yield callbacks for settling and writing."""
     with progress() as bar:
         task = bar.add_task("settling", total=None)
         seen: list[int] = []
@@ -244,7 +244,7 @@ def _limits(name: str, *single: float | None) -> Limits:
 
 
 def _from_toml(file: Path) -> Limits:
-    """Read limits from a TOML file in degrees, metres and N m; missing keys mean no limit."""
+    """Return the limits of a TOML file in degrees, metres and N m; missing keys mean no limit."""
     if not file.exists():
         raise RockerbogieError(f"no file of limits at {str(file)!r}")
     try:

@@ -194,6 +194,7 @@ def _error(track: xr.Dataset, log: xr.Dataset) -> float | None:
 
 
 def _summary(track: xr.Dataset, flat: xr.Dataset, log: xr.Dataset) -> dict[str, Any]:
+    """Return the numbers that are printed, or written with --json."""
     rows = {}
     for label, way in (("3-D", track), ("flat 2-D", flat)):
         rows[label] = {
@@ -213,6 +214,7 @@ def _summary(track: xr.Dataset, flat: xr.Dataset, log: xr.Dataset) -> dict[str, 
 
 
 def _write(rover: Rover, track: xr.Dataset, flat: xr.Dataset, log: xr.Dataset, output: FilePath | None) -> list[FilePath]:
+    """Write figure, tracks and bag into a folder, and return the files; none without a folder."""
     if output is None:
         return []
     from ..figures.odometry import odometry_figure
@@ -235,6 +237,7 @@ def _write(rover: Rover, track: xr.Dataset, flat: xr.Dataset, log: xr.Dataset, o
 
 
 def _print_summary(rover: str, log: str, summary: dict[str, Any]) -> None:
+    """Print the numbers as a table, with notes and warnings."""
     console = Console(highlight=False)
     console.print(f"[bold]{log}[/] as rover [bold]{rover}[/]: {summary['rows']} rows, {summary['duration']:.1f} s")
     table = Table(box=box.SIMPLE, padding=(0, 1))

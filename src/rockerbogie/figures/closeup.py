@@ -85,6 +85,8 @@ def pose_figure(
 
 
 def _write_numbers(ax: Axes, rover: Rover, record: xr.Dataset) -> None:
+    """Write the angles, gaps and status of a pose beside the picture."""
+
     def degrees(value: float) -> str:
         return f"{round(float(np.degrees(value)), 2) + 0.0:+.2f}°"  # adding 0 makes -0 a plain 0
 
@@ -142,6 +144,7 @@ def _write_numbers(ax: Axes, rover: Rover, record: xr.Dataset) -> None:
 
 
 def _millimetres(gap: float) -> str:
+    """Return a gap in millimetres as text."""
     if not np.isfinite(gap):
         return "–"
     return "0" if abs(gap) < 5e-7 else f"{1e3 * gap:.3f}"

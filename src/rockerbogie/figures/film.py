@@ -224,11 +224,13 @@ def _windows(rover: Rover, terrain: Terrain, run: xr.Dataset, at: NDArray[np.int
 def _clipped(
     first: NDArray[np.float64], last: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
 ) -> Bounds:
+    """Return the bounds of two corners, limited to those of the terrain."""
     a, b = np.maximum(first, low), np.minimum(last, high)
     return float(a[0]), float(a[1]), float(b[0]), float(b[1])
 
 
 def _path_ribbon(rover: Rover, terrain: Terrain, run: xr.Dataset) -> Mesh:
+    """Return a mesh of the path on the terrain."""
     every = max(1, run.sizes["time"] // 2000)
     x, y = run["x"].values[::every], run["y"].values[::every]
     return trail_mesh(terrain, x, y, to_rgb(COLOURS["tilt"]), 0.02 * rover.wheelbase)
@@ -242,6 +244,7 @@ def _within(ribbon: Mesh, bounds: Bounds) -> Mesh:
 
 
 def _write_gif(path: Path, pictures: Iterator[Picture], rate: float) -> None:
+    """Write the pictures as an animated GIF."""
     images = [Image.fromarray(picture) for picture in pictures]
     colours = np.array(images[len(images) // 2].quantize(256, kmeans=2).getpalette()).reshape(-1, 3)
     colours[colours.min(axis=1) > 248] = 255  # averaging has turned white paper grey
@@ -253,6 +256,7 @@ def _write_gif(path: Path, pictures: Iterator[Picture], rate: float) -> None:
 
 
 def _write_mp4(path: Path, pictures: Iterator[Picture], rate: float) -> None:
+    """Write the pictures as a film, encoded by PyAV."""
     from fractions import Fraction
 
     import av

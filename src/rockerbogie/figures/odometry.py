@@ -51,6 +51,7 @@ def odometry_figure(track: xr.Dataset, flat: xr.Dataset, log: xr.Dataset) -> Fig
 
 
 def _distance(way: xr.Dataset) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    """Return the horizontal distance along a track, m."""
     if "distance" in way.coords:
         return np.asarray(way["distance"], dtype=float)
     steps = np.sqrt(sum(np.diff(way[axis].values) ** 2 for axis in "xyz"))

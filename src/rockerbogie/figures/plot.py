@@ -376,7 +376,7 @@ def _finish_run(
     draw: Callable[[Rover, Terrain, xr.Dataset], Figure], run: xr.Dataset, rover: Rover | None, terrain: Terrain | None,
     file: str | Path | None, size: Size | None, dpi: float | None, theme: Theme, force: bool,
 ) -> Figure:  # fmt: skip
-    """Draw a run with its rover and terrain, and write the figure."""
+    """Return the figure of a run with its rover and terrain; write it if `file` is given."""
     rover, terrain = scene_of(run, rover, terrain)
     return _finish(lambda: draw(rover, terrain, run), file, size, dpi, theme, force)
 
@@ -384,7 +384,7 @@ def _finish_run(
 def _finish(
     draw: Callable[[], Figure], file: str | Path | None, size: Size | None, dpi: float | None, theme: Theme, force: bool
 ) -> Figure:
-    """Check the file, draw, and write."""
+    """Return a figure of the given size and theme, and write it if `file` is given."""
     from .style import save
     from .theme import check_theme, darken
 

@@ -60,6 +60,7 @@ def sample_ground(terrain: Terrain, bounds: tuple[float, float, float, float], c
 
 
 def _normals(points: Array) -> Array:
+    """Return unit normals (n, 3) of a surface at its points."""
     along_y, along_x = np.gradient(points, axis=(0, 1))
     normal = np.cross(along_x, along_y)
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
@@ -73,6 +74,7 @@ def _cells(grid: Array) -> Array:
 
 
 def _wall(edge: Array, floor: float) -> Mesh:
+    """Return the mesh of a vertical wall from an edge of the terrain down to the floor."""
     below = edge.copy()
     below[:, 2] = floor
     strip = np.stack([edge[:-1], edge[1:], below[1:], below[:-1]], axis=1)

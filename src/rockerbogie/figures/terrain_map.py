@@ -74,6 +74,7 @@ def terrain_map(maps: xr.Dataset, plan: Route | None = None) -> Figure:
 
 
 def _bounds(maps: xr.Dataset) -> Bounds:
+    """Return west, east, south and north of a map's cells, m."""
     dx, dy = cell_size(maps)
     (x0, x1), (y0, y1) = ((float(maps[axis][0]), float(maps[axis][-1])) for axis in ("x", "y"))
     return x0 - dx / 2, y0 - dy / 2, x1 + dx / 2, y1 + dy / 2
@@ -127,6 +128,7 @@ def _north(ax: Axes) -> None:
 
 
 def _said(plan: Route | None, maps: xr.Dataset) -> str:
+    """Return the title of the figure."""
     cell = np.atleast_1d(maps.attrs["resolution"])
     asked = f"{maps.sizes['heading']} headings at each cell of {' x '.join(f'{side:.4g}' for side in cell)} m"
     if plan is None:

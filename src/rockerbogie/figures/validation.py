@@ -46,6 +46,7 @@ def validation_figure(found: xr.Dataset) -> Figure:
 
 
 def _legend(found: xr.Dataset, band: bool) -> list[Any]:
+    """Return the entries of the legend."""
     if not band:
         return [_dot(INSIDE, "logged"), Line2D([], [], color=INK, lw=1.0, label="predicted")]
     level = f"{100 * found.attrs['level']:.0f} %"
@@ -58,14 +59,17 @@ def _legend(found: xr.Dataset, band: bool) -> list[Any]:
 
 
 def _dot(colour: str, label: str) -> Line2D:
+    """Return a dot of a colour for the legend."""
     return Line2D([], [], color=colour, marker="o", ls="", ms=5, label=label)
 
 
 def _colours(places: xr.Dataset, band: bool) -> list[str]:
+    """Return the colour of each place: inside or outside its band."""
     return [INSIDE if good else OUTSIDE for good in places["inside"].to_numpy()] if band else [INSIDE] * places.sizes["row"]
 
 
 def _scatter(axes: Axes, places: xr.Dataset, channel: str, band: bool) -> None:
+    """Draw predicted against logged angles."""
     predicted, logged = np.degrees(places["predicted"].to_numpy()), np.degrees(places["logged"].to_numpy())
     known = np.isfinite(predicted)
     everything = [predicted[known], logged[known]]
@@ -106,6 +110,7 @@ def _name_worst(axes: Axes, places: xr.Dataset, predicted: Any, logged: Any, spa
 
 
 def _along(axes: Axes, places: xr.Dataset, channel: str, band: bool) -> None:
+    """Draw predicted and logged angles place by place."""
     number = np.arange(places.sizes["row"])
     predicted, logged = np.degrees(places["predicted"].to_numpy()), np.degrees(places["logged"].to_numpy())
     everything = [predicted, logged]

@@ -92,7 +92,7 @@ class LivePanel:
             )
 
     def _switched(self) -> None:
-        """Begin or end to track the robot."""
+        """Start to track the robot if the switch is on; hide its ghost if it is off."""
         if self.tracking:
             self._track()
         else:

@@ -135,6 +135,7 @@ def read_topics(path: Path, report: LogReport) -> tuple[dict[str, Topic], dict[s
 
 
 def _unreadable(path: Path, error: Exception, remedy: str) -> RockerbogieError:
+    """Return the error for a bag that cannot be read."""
     text = " ".join(str(error).split()) or type(error).__name__
     return RockerbogieError(f"{path.name} cannot be read as a ROS 2 bag: {text}{remedy}")
 

@@ -278,6 +278,7 @@ def slip_log_of(log: str | Path | xr.Dataset, rover: Rover) -> xr.Dataset:
 
 
 def _check(limit: float, threshold: float, quantiles: tuple[float, ...], every: float) -> None:
+    """Raise RockerbogieError if an argument is out of range."""
     for name, value in (("limit", limit), ("threshold", threshold), *(("a quantile", q) for q in quantiles)):
         if not 0 < value < 1:
             raise RockerbogieError(f"{name} is {value}; give a number between 0 and 1")

@@ -146,6 +146,7 @@ def fit_imu(imus: list[Imu], time: Array, check: WheelCheck, report: LogReport) 
 
 
 def _fit(imu: Imu, time: Array, check: WheelCheck) -> _Fitted:
+    """Return an IMU's readings at the log's times, without those that contradict the wheels."""
     attitude = None if imu.attitude is None else resample(*imu.attitude, time)
     gyro = None if imu.gyro is None else resample(*imu.gyro, time)
     found = _Fitted(imu, attitude, gyro)

@@ -267,7 +267,7 @@ def _stacked(name: str, source: Source, rover: Rover, time: Array, straight: boo
 
 
 def _check(rover: Rover, time: Array, data: dict[str, Array], report: LogReport) -> WheelCheck:
-    """Compare wheels and steering."""
+    """Return the comparison of wheels and steering, and add its warnings to the report."""
     dt = np.diff(time)[:, None]
     if "wheel_angle" in data:
         rates = np.diff(data["wheel_angle"], axis=0) / dt

@@ -240,25 +240,81 @@ class _Messages:
         return next(kind for full, kind in self.types.items() if full.rsplit("/", 1)[-1] == name)
 
     def header(self, stamp: int, frame: str) -> Any:
+        """Return a std_msgs/Header.
+
+        Args:
+            stamp: ns.
+            frame: name of the frame.
+
+        Returns:
+            The message.
+        """
         return self.Header(stamp=self.Time(sec=stamp // 10**9, nanosec=stamp % 10**9), frame_id=frame)
 
     def quaternion(self, q: Array) -> Any:
+        """Return a geometry_msgs/Quaternion.
+
+        Args:
+            q: (4,) x, y, z, w.
+
+        Returns:
+            The message.
+        """
         return self.Quaternion(x=float(q[0]), y=float(q[1]), z=float(q[2]), w=float(q[3]))
 
     def vector(self, v: Array) -> Any:
+        """Return a geometry_msgs/Vector3.
+
+        Args:
+            v: (3,).
+
+        Returns:
+            The message.
+        """
         return self.Vector3(x=float(v[0]), y=float(v[1]), z=float(v[2]))
 
     def transform(self, stamp: int, parent: str, child: str, at: Array, q: Array) -> Any:
+        """Return a geometry_msgs/TransformStamped.
+
+        Args:
+            stamp: ns.
+            parent, child: names of the frames.
+            at: (3,) translation, m.
+            q: (4,) x, y, z, w.
+
+        Returns:
+            The message.
+        """
         moved = self.Transform(translation=self.vector(at), rotation=self.quaternion(q))
         return self.TransformStamped(header=self.header(stamp, parent), child_frame_id=child, transform=moved)
 
     def joint_state(self, stamp: int, angle: dict[str, float], rate: dict[str, float]) -> Any:
+        """Return a sensor_msgs/JointState.
+
+        Args:
+            stamp: ns.
+            angle: rad, by name of the joint.
+            rate: rad/s, by name of the joint.
+
+        Returns:
+            The message.
+        """
         values = [np.array([d[name] for name in angle], dtype=np.float64) for d in (angle, rate)]
         return self.JointState(
             header=self.header(stamp, ""), name=list(angle), position=values[0], velocity=values[1], effort=np.zeros(0)
         )
 
     def imu(self, stamp: int, q: Array, spin: Array) -> Any:
+        """Return a sensor_msgs/Imu whose acceleration is marked as not measured.
+
+        Args:
+            stamp: ns.
+            q: (4,) attitude as x, y, z, w.
+            spin: (3,) rate of turn, rad/s.
+
+        Returns:
+            The message.
+        """
         unmeasured = np.array([-1.0, *[0.0] * 8])
         return self.Imu(
             header=self.header(stamp, BODY),
@@ -271,6 +327,18 @@ class _Messages:
         )
 
     def odometry(self, stamp: int, at: Array, q: Array, twist: Array, pose_covariance: Array, twist_covariance: Array) -> Any:
+        """Return a nav_msgs/Odometry.
+
+        Args:
+            stamp: ns.
+            at: (3,) position, m.
+            q: (4,) attitude as x, y, z, w.
+            twist: (6,) of the body, m/s and rad/s.
+            pose_covariance, twist_covariance: (36,).
+
+        Returns:
+            The message.
+        """
         point = self.Point(x=float(at[0]), y=float(at[1]), z=float(at[2]))
         pose = self.PoseWithCovariance(pose=self.Pose(position=point, orientation=self.quaternion(q)), covariance=pose_covariance)
         moving = self.Twist(linear=self.vector(twist[:3]), angular=self.vector(twist[3:]))
@@ -310,5 +378,6 @@ class _Rosbags:
 
 
 def _rosbags() -> _Rosbags:
+    """Return the message types of rosbags; raise RockerbogieError if it is not installed."""
     require_rosbags()
     return _Rosbags()

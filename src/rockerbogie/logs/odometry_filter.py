@@ -376,7 +376,7 @@ class OdometryFilter:
         return smoothed
 
     def _confirm(self, smoothed: Array) -> Estimate:
-        """Continue the track by one row, which becomes final."""
+        """Continue the track by the next row, which becomes final, and return the estimate there."""
         a, b = self._raw(self._at), self._raw(self._at + 1)
         found = self._step(a, b, self._smoothed, smoothed)
         self._at, self._smoothed = self._at + 1, smoothed
@@ -422,7 +422,10 @@ class OdometryFilter:
         return reading
 
     def _step(self, a: Array, b: Array, A: Array, B: Array, *, keep: bool = True) -> Estimate:
-        """Continue the track from row a to b, smoothed A and B; a copy of it if not `keep`."""
+        """Return the estimate at row b, one row after a; A and B are these rows smoothed.
+
+        If `keep`, the track continues from there. Otherwise the filter's state stays unchanged.
+        """
         assert self._track is not None
         dt = float(b[TIME] - a[TIME])
         reading = self._reading(a, b, A, B, dt)

@@ -82,6 +82,7 @@ def joint_window(time: Array, resolution: float) -> int:
 
 
 def _rows(wanted: float, dt: float, count: int) -> int:
+    """Return a possible number of rows of an interval: 1 if at most 2 are needed."""
     return int(max(min(np.ceil(wanted), LONGEST / dt, count // 4), 1)) if wanted > 2 else 1
 
 

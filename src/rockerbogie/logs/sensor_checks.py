@@ -175,6 +175,7 @@ def _flips(rover: Rover) -> list[tuple[str, Array, Array]]:
 
 
 def _options(names: str) -> str:
+    """Return the command-line options that reverse the signs of sensors."""
     return " ".join(f"--flip {name}" for name in names.split(","))
 
 
@@ -287,6 +288,7 @@ def turn_attitude(attitude: Array, world: Array, body: Array) -> Array:
 
 
 def _unwrapped(angle: Array) -> Array:
+    """Return a copy of an angle without jumps of a turn; NaN stay."""
     finite = np.isfinite(angle)
     out = angle.copy()
     out[finite] = np.unwrap(angle[finite])

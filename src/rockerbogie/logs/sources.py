@@ -115,6 +115,7 @@ def _variable_of(column: str) -> str:
 
 
 def _turn_of_counts(counts: float | None, where: str) -> float:
+    """Return the angle of one encoder count, rad; raise if the counts of a turn are missing."""
     if counts is None:
         raise RockerbogieError(f"{where} is in counts: give the counts of one turn with --counts-per-turn (counts_per_turn=…)")
     return 2 * np.pi / counts

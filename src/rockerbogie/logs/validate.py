@@ -136,6 +136,7 @@ def validate(
 
 
 def _check(position_sigma: float, height_sigma: float, level: float, apart: float, draws: int) -> None:
+    """Raise RockerbogieError if an argument is out of range."""
     for name, value in (("position_sigma", position_sigma), ("height_sigma", height_sigma), ("apart", apart)):
         if not (np.isfinite(value) and value >= 0):
             raise RockerbogieError(f"{name} is {value}; give a finite length of 0 or more, in metres")
@@ -203,7 +204,10 @@ def _compared(places: xr.Dataset, predicted: Array, logged: Array, status: NDArr
 def _with_band(
     found: xr.Dataset, first: NDArray[np.int64], stand: NDArray[np.int64], bands: Array, factor: Array, alone: dict[str, Array]
 ) -> xr.Dataset:
-    """Add bands (places, factors, 2, channel) at each place's factor to its rows."""
+    """Return the rows with the bands (places, factors, 2, channel) at each place's factor.
+
+    The attributes of `found` get the numbers of places and of places judged.
+    """
     import xarray as xr
 
     predicted, logged = found["predicted"].to_numpy(), found["logged"].to_numpy()

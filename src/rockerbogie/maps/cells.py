@@ -89,6 +89,7 @@ class Cells:
         return self._places(1, rows)
 
     def _places(self, axis: int, span: Span) -> Array:
+        """Return the coordinates of the cells of a range along one axis, m."""
         first = self.first[axis]
         return self.origin[axis] + self.step[axis] * np.arange(first + span[0], first + span[1], dtype=float)
 

@@ -187,7 +187,7 @@ def _problem(
     maps: xr.Dataset | str | FilePath, rover: Rover | None, keep_out: Any, margin: float | None, cost: Any,
     tilt_weight: float, turn_cost: float, turn_in_place: bool | None, backward: bool, slip: SlipCost | None,
 ) -> _Problem:  # fmt: skip
-    """Build the graph of a map's states."""
+    """Return the graph of a map's states and the data it was built from; check the arguments."""
     for name, value in (("tilt_weight", tilt_weight), ("turn_cost", turn_cost)):
         if not (np.isfinite(value) and value >= 0):
             raise RockerbogieError(f"{name} is {value}; give a finite number of at least 0")

@@ -66,7 +66,9 @@ def through(costs: Any, stops: list[list[int]]) -> tuple[Array, Array, Array] | 
 
 
 def _onward(costs: Any, ends: list[int], reached: Array) -> tuple[Array, Array]:
-    """Search from the states of a goal, each starting with its cost so far.
+    """Return the least cost to each state, and the state before it, from the states of a goal.
+
+    Each state of the goal starts with its cost so far.
 
     The search starts in an extra state with an edge to each of them. Its costs are higher by 1, because a sparse edge of 0 is
     no edge.

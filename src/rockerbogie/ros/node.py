@@ -289,6 +289,7 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
         return 1e-9 * float(self.get_clock().now().nanoseconds)
 
     def _on_joints(self, message: JointState) -> None:
+        """Take a joint state: continue the track by the rows that it completes."""
         self.joints_at = self.now()
         stamp = self._stamp_of(message, "joint states")
         if stamp is None:
@@ -301,6 +302,7 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
         self._take(self.intake.joints(stamp, values))
 
     def _on_imu(self, message: ImuMessage) -> None:
+        """Take an IMU reading: continue the track by the rows that waited for it."""
         stamp = self._stamp_of(message, "IMU readings")
         if stamp is not None:
             reading = messages.imu_reading(message, stamp, *self._imu_axes)
@@ -373,6 +375,7 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
             self.commands.tick()
 
     def _on_state_timer(self) -> None:
+        """Publish the diagnoses while the node is active."""
         if self.active:
             self.state.publish(messages.diagnostics(self.get_clock().now().to_msg(), diagnoses(self)))
 
@@ -424,15 +427,20 @@ def start(node: RoverNode) -> bool:
 
 
 def main(args: Sequence[str] | None = None, name: str = "rockerbogie", values: Mapping[str, Any] | None = None) -> int:
-    """Run the node until it is interrupted.
+    """Start ROS 2, make the node, and run it until it is interrupted or ROS shuts down.
+
+    At the end the wheels are stopped, the track is saved to `state_file` if one is set, and ROS is shut down.
 
     Args:
         args: ROS arguments, such as --ros-args -p rover:=osr; `None` for those of the process.
-        name: of the node.
-        values: parameters, which come before those of `args`.
+        name: name of the node.
+        values: parameters by name. They take precedence over those of `args`.
 
     Returns:
-        Exit code: 0, or 2 if a parameter is wrong.
+        Exit code: 0, or 2 if the node does not start because a parameter is wrong.
+
+    Raises:
+        RockerbogieError: ROS does not start.
     """
     try:
         rclpy.init(args=None if args is None else ["rockerbogie", *args])

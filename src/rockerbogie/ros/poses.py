@@ -84,16 +84,19 @@ class LivePoses:
         self._thread.join(timeout=5.0)
 
     def _spin(self) -> None:
+        """Serve the subscriptions until ROS shuts down; runs in the thread."""
         with contextlib.suppress(ExternalShutdownException):
             self._executor.spin()
 
     def _on_joints(self, message: JointState) -> None:
+        """Keep the joint angles of a message for the next pose."""
         try:
             self._values |= self._reader.read(message.name, message.position, message.velocity)
         except RockerbogieError as error:
             self._node.get_logger().warning(str(error), throttle_duration_sec=5.0)
 
     def _on_odometry(self, message: Any) -> None:
+        """Make the newest pose from odometry and the joint angles kept, and wake who waits for it."""
         at, q = message.pose.pose.position, message.pose.pose.orientation
         roll, pitch, yaw = quaternion_angles(q.w, q.x, q.y, q.z)
         names, value = self.rover.wheel_names, self._values

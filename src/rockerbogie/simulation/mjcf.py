@@ -287,6 +287,7 @@ def _add_differential(spec: Any, rover: Rover) -> None:
     """Add the differential right = Σ cₖ leftᵏ as a joint equality.
 
     MuJoCo makes joint 1 (right) a quartic of joint 2 (left).
+
     Args:
         spec: `mujoco.MjSpec` that holds the rockers; it is changed.
         rover: gives the polynomial.

@@ -267,6 +267,7 @@ def motor_limit(rover: Rover, torque: float | None) -> float:
 
 
 def _is_number(value: object) -> bool:
+    """Return True for a finite number that is not a bool."""
     return isinstance(value, int | float | np.number) and not isinstance(value, bool) and bool(np.isfinite(value))
 
 

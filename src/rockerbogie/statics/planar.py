@@ -329,21 +329,26 @@ class Linkage:
 
 
 def _dot(a: Vector, b: Vector) -> float:
+    """Return the scalar product of two vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def _cross(a: Vector, b: Vector) -> Vector:
+    """Return the vector product of two vectors."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def _scaled(a: Vector, by: float) -> Vector:
+    """Return a vector times a number."""
     return by * a[0], by * a[1], by * a[2]
 
 
 def _added(a: Vector, b: Vector, by: float) -> Vector:
+    """Return a + by · b."""
     return a[0] + by * b[0], a[1] + by * b[1], a[2] + by * b[2]
 
 
 def _distance(a: Vector, b: Vector) -> float:
+    """Return the distance of two points, m."""
     d = _added(a, b, -1.0)
     return float(_dot(d, d) ** 0.5)

@@ -119,7 +119,7 @@ class Raster:
         return np.ascontiguousarray(heights)
 
     def _stored(self, rows: tuple[int, int], cols: tuple[int, int]) -> Any:
-        """Read stored values (rows, cols) of a window, masked; y grows with the row."""
+        """Return the stored values (rows, cols) of a window as a masked array; y grows with the row."""
         from rasterio.windows import Window
 
         across = cols if self.step[0] > 0 else (self.shape[1] - cols[1], self.shape[1] - cols[0])
@@ -297,7 +297,7 @@ def short_name(source: str) -> str:
 
 @contextmanager
 def _opened(source: str) -> Iterator[Any]:
-    """Open a file, and raise rasterio\'s errors as TerrainError."""
+    """Open a raster and yield rasterio's dataset; raise rasterio's errors as TerrainError."""
     require("reading a raster", "geo", "rasterio", error=TerrainError)
     import rasterio
     from rasterio.errors import NotGeoreferencedWarning

@@ -130,6 +130,7 @@ def check_claims(crossing: Crossing) -> list[Claim]:
 
 
 def _both_negative(c: Crossing) -> Claim:
+    """Return the claim on the signs of pitch and roll at the start of the bumps, decided."""
     front, middle, _ = c.axles
     first = float(c.x[np.argmax((np.abs(c.pitch) > ZERO) | (np.abs(c.roll) > ZERO))])
     reach = min(c.reaches(front, c.start), c.reaches(front + 1, c.start))
@@ -146,6 +147,7 @@ def _both_negative(c: Crossing) -> Claim:
 
 
 def _pitch_turns_at_the_top(c: Crossing) -> Claim:
+    """Return the claim on the sign of the pitch at the top, decided."""
     front, _, rear = c.axles
     over = (c.x >= c.reaches(front, c.start)) & (c.x <= c.reaches(rear, c.end))
     x, pitch = c.x[over], c.pitch[over]
@@ -162,6 +164,7 @@ def _pitch_turns_at_the_top(c: Crossing) -> Claim:
 
 
 def _right_bogie_zero_on_a_plane(c: Crossing) -> Claim:
+    """Return the claim on the right bogie's angle on one plane, decided."""
     together = c.on_one_plane([1, 3, 5])
     most, apart = (float(np.abs(c.bogie[where, 1]).max(initial=0.0)) for where in (together, ~together))
     return Claim(
@@ -174,6 +177,7 @@ def _right_bogie_zero_on_a_plane(c: Crossing) -> Claim:
 
 
 def _left_bogie_harmonic(c: Crossing) -> Claim:
+    """Return the claim on the shape of the left bogie's angle, decided by a harmonic fit."""
     front, _, rear = c.axles
     on = (c.x > c.reaches(rear, c.start)) & (c.x < c.reaches(front, c.end))
     phase = 2 * np.pi * c.x[on] / (c.end - c.start)
@@ -193,6 +197,7 @@ def _left_bogie_harmonic(c: Crossing) -> Claim:
 
 
 def _left_bogie_transitions(c: Crossing) -> Claim:
+    """Return the claim on transitions of the left bogie's angle, decided by its curvature."""
     front, middle, rear = c.axles
     arrive = [c.reaches(wheel, c.start) for wheel in (front, middle)]
     change = [_curvature_change(c.x, c.bogie[:, 0], at) for at in arrive]
@@ -208,6 +213,7 @@ def _left_bogie_transitions(c: Crossing) -> Claim:
 
 
 def _contact_jumps(c: Crossing, side: int) -> Claim:
+    """Return the claim on the jump of a front wheel's contact angle, decided."""
     front = c.axles[0] + side
     name = ("left", "right")[side]
     at = c.reaches(front, c.start)
@@ -231,6 +237,7 @@ def _contact_jumps(c: Crossing, side: int) -> Claim:
 
 
 def _left_contact_turns_positive(c: Crossing) -> Claim:
+    """Return the claim on the sign of the left contact angle on the hill, decided."""
     front = c.axles[0]
     _, x, angle = c.rim(front)
     start, top = c.reaches(front, c.start), c.reaches(front, (c.start + c.end) / 2)
@@ -248,6 +255,7 @@ def _left_contact_turns_positive(c: Crossing) -> Claim:
 
 
 def _right_contact_zero_on_a_plane(c: Crossing) -> Claim:
+    """Return the claim on the right contact angle on one plane, decided."""
     front, middle, _ = c.axles
     touches, _, angle = c.rim(front + 1)
     together, angle = c.on_one_plane([front + 1, middle + 1])[touches], np.abs(angle)

@@ -212,6 +212,7 @@ def arrivals(rover: Rover, bump: float) -> dict[str, float]:
 
 
 def _mark(ax: Axes, marks: Mapping[str, float], *, labelled: bool) -> None:
+    """Draw a dashed vertical line at each position, m, with its label if `labelled`."""
     for label, x in marks.items():
         ax.axvline(x, color="#aaaaaa", lw=0.8, ls=(0, (4, 3)), zorder=1)
         if labelled:

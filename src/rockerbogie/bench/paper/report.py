@@ -90,6 +90,7 @@ def write_report(
 
 
 def _figure(picture: Picture) -> str:
+    """Return the HTML of a picture, with the file's content embedded, and its caption."""
     kind = {".png": "image/png", ".gif": "image/gif"}[picture.file.suffix]
     content = base64.b64encode(picture.file.read_bytes()).decode("ascii")
     return (
@@ -99,6 +100,7 @@ def _figure(picture: Picture) -> str:
 
 
 def _errors_table(errors: Sequence[ErrorRow]) -> str:
+    """Return the HTML table of errors, one row per channel."""
     rows = [
         f"<tr><th scope=row>{escape(e.channel)}</th><td>{e.rms:.4f}</td><td>{_limit(e.rms_limit)}</td>"
         f"<td>{e.worst:.4f}</td><td>{_limit(e.worst_limit)}</td><td>{escape(e.unit)}</td>"
@@ -110,10 +112,12 @@ def _errors_table(errors: Sequence[ErrorRow]) -> str:
 
 
 def _limit(value: float | None) -> str:
+    """Return a limit as text; a dash for None."""
     return "–" if value is None else f"{value:g}"
 
 
 def _claims_table(claims: Sequence[tuple[Claim, Claim]]) -> str:
+    """Return the HTML table of claims, each decided for the model and for the simulation."""
     rows = []
     for model, sim in claims:
         because = model.because if model.holds == sim.holds else f"{model.because} In the simulation: {sim.because}"
@@ -126,10 +130,12 @@ def _claims_table(claims: Sequence[tuple[Claim, Claim]]) -> str:
 
 
 def _truth(of: str, claim: Claim) -> str:
+    """Return the HTML badge of a claim for the model or the simulation."""
     return _badge(claim.holds, f"{of}: {'true' if claim.holds else 'not true'}")
 
 
 def _badge(good: bool, text: str) -> str:
+    """Return the HTML of a badge with a check mark or a cross."""
     return f'<span class="badge {"good" if good else "bad"}">{"✓" if good else "✗"} {escape(text)}</span>'
 
 

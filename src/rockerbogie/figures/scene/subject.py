@@ -208,12 +208,14 @@ def plots_of(records: Records) -> list[dict[str, Any]]:
 
 
 def _plot(title: str, units: str, digits: int, least: float, lines: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return a diagram of the page as data for JSON."""
     return {"title": title, "units": units, "digits": digits, "least": least, "lines": lines}
 
 
 def _line(
     name: str, light: str, dark: str, values: NDArray[Any], limits: list[float] | None = None, dash: list[int] | None = None
 ) -> dict[str, Any]:
+    """Return a line of a diagram as data for JSON."""
     return {"name": name, "colour": [light, dark], "values": values, "limits": limits or [], "dash": dash or []}
 
 

@@ -112,7 +112,10 @@ class MeshFolder:
             return None
 
     def _load(self, address: str, path: Path) -> Mesh | None:
-        """Read one file with trimesh from memory, so that it cannot open further files."""
+        """Return the mesh of one file; None if it is not readable, with the reason in `failed`.
+
+        trimesh reads it from memory, so that it cannot open further files.
+        """
         try:
             import trimesh
         except ImportError:

@@ -98,7 +98,10 @@ def _by_rule(rover: Rover, total: float) -> bool:
 
 
 def _link_lines(rover: Rover, keys: list[Key]) -> list[str]:
-    """Return the tables under [link]."""
+    """Return the lines of TOML for masses, centres of mass and inertias, one table a link.
+
+    The keys are those of each table, with the comments that stand above them.
+    """
     lines = [f"# {TABLES['link']}"]
     lines += [f"#   {key.name}: {key.comment}" for key in keys]
     for name, link in zip(LINKS, rover.links, strict=True):
@@ -173,6 +176,7 @@ def schema() -> dict[str, Any]:
 
 
 def _kind(kind: str) -> dict[str, Any]:
+    """Return the JSON schema of a kind of value."""
     number: dict[str, Any] = {"type": "number"}
 
     def rows(shape: str) -> dict[str, Any]:
