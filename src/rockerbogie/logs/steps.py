@@ -87,8 +87,9 @@ def track_noise(no_attitude: float, no_suspension: float) -> Array:
     noise[at.N_SLIP_LENGTH], noise[at.N_SLIP_TIME] = SLIP_LENGTH, SLIP_TIME
     noise[at.N_ATTITUDE : at.N_ATTITUDE + 3] = ATTITUDE_SIGMA
     noise[at.N_SHARED] = COMMON_SLIP**2 + no_attitude * NO_ATTITUDE**2 + no_suspension * NO_SUSPENSION**2
-    # each wheel leaves the mean plane by its slope over the way on which slopes are alike; six of them carry the body
-    noise[at.N_HEIGHT] = (UNKNOWN_SLOPE * SLIP_LENGTH) ** 2 / 6.0
+    # each wheel leaves the mean plane by its slope over the way on which slopes are alike; six of them carry the body, and the
+    # height of the track is a difference of two such heights, at its end and at its start
+    noise[at.N_HEIGHT] = 2.0 * (UNKNOWN_SLOPE * SLIP_LENGTH) ** 2 / 6.0
     return noise
 
 

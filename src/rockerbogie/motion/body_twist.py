@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +19,7 @@ from ..rover.model import Rover
 from .jacobian import ContactState, batch_shape, contact_planes, reading
 
 UNKNOWNS = 9  # twist, rocker rate, bogie rates
+_STILL = np.zeros(3)
 
 
 @dataclass(frozen=True)
@@ -117,11 +119,12 @@ def body_twist(
         raise RockerbogieError("inclinometer_rates need the attitude: give a pose that has roll and pitch")
     if tilt is not None:  # without an attitude, its rates say nothing
         lost = np.isnan(tilt).any(axis=-1, keepdims=True)
-        tilting, rate = np.where(lost, np.nan, tilting), np.where(lost, np.nan, rate)
+        if lost.any():
+            tilting, rate = np.where(lost, np.nan, tilting), np.where(lost, np.nan, rate)
     given = {"wheel_rates": wheels, "rocker_rate": rocker, "bogie_rates": bogies, "gyro": angular, "inclinometer_rates": tilting}
     shapes = {name: value.shape[:-1] for name, value in (given | {"steering_rates": turned, "steering": turn}).items()}
     shape = batch_shape(pose=planes.shape, expected_slip=slip.shape[:-2], **shapes)
-    parts: list[tuple[int, int, Array, ArrayLike]] = [
+    parts: list[tuple[int, int, Array, Any]] = [
         (at.E_ALONG, 6, wheels + slip[..., 0], noise.roll_slip),
         (at.E_ACROSS, 6, slip[..., 1], noise.side_slip),
         (at.E_OFF, 6, slip[..., 2], noise.lift),
@@ -129,13 +132,15 @@ def body_twist(
         (at.E_JOINT + 1, 2, bogies, noise.joint_rate),
         (at.E_GYRO, 3, angular, noise.gyro),
         (at.E_TILT, 2, tilting, noise.inclinometer),
-        (at.E_PRIOR_JOINT, 3, np.zeros(3), np.asarray(prior.joint, dtype=float)[..., None]),
-        (at.E_PRIOR_TILT, 2, rate, np.asarray(prior.tilt, dtype=float)[..., None]),
+        (at.E_PRIOR_JOINT, 3, _STILL, prior.joint if isinstance(prior.joint, float) else np.asarray(prior.joint)[..., None]),
+        (at.E_PRIOR_TILT, 2, rate, prior.tilt if isinstance(prior.tilt, float) else np.asarray(prior.tilt)[..., None]),
     ]
     for _, size, _, sigma in parts:
+        if isinstance(sigma, float) and sigma > 0.0:  # a number fits every shape
+            continue
         if not (np.asarray(sigma, dtype=float) > 0).all() or np.shape(sigma)[-1:] not in ((), (1,), (size,)):
             raise RockerbogieError(f"a standard deviation of {sigma!r:.60} is not above 0, or does not fit {size} readings")
-    shape = np.broadcast_shapes(shape, *(np.broadcast_shapes(np.shape(sigma), (size,))[:-1] for _, size, _, sigma in parts))
+        shape = np.broadcast_shapes(shape, np.broadcast_shapes(np.shape(sigma), (size,))[:-1])
     values, sigmas = np.empty((*shape, at.E_SIZE)), np.empty((*shape, at.E_SIZE))
     for first, size, value, sigma in parts:
         values[..., first : first + size] = value

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -15,7 +16,7 @@ from ..arrays import Array, flat, flat_steering, spanned
 from ..errors import RockerbogieError
 from ..rover.frames import contact_frames, joint_angles, wheel_frames
 from ..rover.model import Rover
-from ..settling.pose import Pose
+from ..settling.pose import Pose, planes_of
 
 #: Columns of eq. 9's Jacobian, each a rate: rad/s, and m/s for the roll and side slip.
 JACOBIAN_COLUMNS = (
@@ -250,6 +251,9 @@ def contact_planes(rover: Rover, pose: ContactState) -> ContactPlanes:
     Raises:
         RockerbogieError: as `wheel_jacobians`.
     """
+    if isinstance(pose, Pose):  # its angles are checked and broadcast already
+        check_rover(rover, pose)
+        return ContactPlanes(pose.rocker, pose.bogie, pose.steering, pose.contact_angle, pose.contact_planes)
     q, b, turn, delta = stance_angles(rover, pose, None)
     planes = None
     if isinstance(pose, SimpleStance):
@@ -257,13 +261,8 @@ def contact_planes(rover: Rover, pose: ContactState) -> ContactPlanes:
             planes = np.zeros((*np.shape(pose.normal)[:-1], 4))
             planes[..., :3] = pose.normal
     elif hasattr(pose, "contact_normal"):
-        T = pose.T_world_body[..., None, :3, :]  # type: ignore[attr-defined]
-        R, p = T[..., :3], T[..., 3]
-        axle = pose.axle_frames if isinstance(pose, Pose) else wheel_frames(rover, q, b, turn)
-        planes = np.empty((*q.shape, 6, 4))
-        planes[..., :3] = np.einsum("...ji,...j->...i", R, pose.contact_normal)
-        point = np.einsum("...ji,...j->...i", R, pose.contact_point - p)  # type: ignore[attr-defined]
-        planes[..., 3] = ((point - axle[..., :3, 3]) * axle[..., :3, 1]).sum(axis=-1)
+        T, point = pose.T_world_body, pose.contact_point  # type: ignore[attr-defined]
+        planes = planes_of(T, wheel_frames(rover, q, b, turn), pose.contact_normal, point)
     return ContactPlanes(q, b, turn, delta, planes)
 
 
@@ -338,7 +337,7 @@ def reading(name: str, value: ArrayLike, *last: int) -> Array:
     if array.shape[array.ndim - len(last) :] != last:
         wanted = f"its last axis must be {last[0]}" if len(last) == 1 else f"its last axes must be {last}"
         raise RockerbogieError(f"{name} has shape {array.shape}; {wanted}")
-    if np.isinf(array).any():
+    if np.isinf(array).any() if array.size > 8 else math.inf in map(abs, array.ravel().tolist()):
         raise RockerbogieError(f"{name} holds {int(np.isinf(array).sum())} infinite values; mark a missing reading with nan")
     return array
 
@@ -355,6 +354,8 @@ def batch_shape(**shapes: tuple[int, ...]) -> tuple[int, ...]:
     Raises:
         RockerbogieError: they do not broadcast together.
     """
+    if not any(shapes.values()):
+        return ()
     try:
         return np.broadcast_shapes(*shapes.values())
     except ValueError:

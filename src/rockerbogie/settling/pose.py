@@ -43,6 +43,27 @@ class Contacts(NamedTuple):
     patches: NDArray[np.int64]  # (..., 6) number of separate contacts of each tread
 
 
+def planes_of(T_world_body: Array, axles: Array, normal: Array, point: Array) -> Array:
+    """Return the contact normals in the body frame, and the places of the contacts along the axles.
+
+    Args:
+        T_world_body: (..., 4, 4).
+        axles: (..., 6, 4, 4) T_body_axle.
+        normal: (..., 6, 3) contact normals in the world.
+        point: (..., 6, 3) contact points in the world, m.
+
+    Returns:
+        (..., 6, 4): normal, and distance from the rim's middle, m.
+    """
+    T = T_world_body[..., None, :3, :]
+    R, p = T[..., :3], T[..., 3]
+    planes = np.empty(axles.shape[:-2] + (4,))
+    planes[..., :3] = np.einsum("...ji,...j->...i", R, normal)
+    there = np.einsum("...ji,...j->...i", R, point - p)
+    planes[..., 3] = ((there - axles[..., :3, 3]) * axles[..., :3, 1]).sum(axis=-1)
+    return planes
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Pose:
     """Poses of a rover on terrain, with batch axes (...) in front of every field.
@@ -139,6 +160,13 @@ class Pose:
         frames = wheel_frames(self.rover, self.rocker, self.bogie, self.steering)
         frames.setflags(write=False)
         return frames
+
+    @cached_property
+    def contact_planes(self) -> Array:
+        """(..., 6, 4) contact normals in the body frame, and places along the axles, m; read-only."""
+        planes = planes_of(self.T_world_body, self.axle_frames, self.contact_normal, self.contact_point)
+        planes.setflags(write=False)
+        return planes
 
     @cached_property
     def contact_frames(self) -> Array:
