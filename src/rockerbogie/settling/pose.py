@@ -44,7 +44,7 @@ class Contacts(NamedTuple):
 
 
 def planes_of(T_world_body: Array, axles: Array, normal: Array, point: Array) -> Array:
-    """Return the contact normals in the body frame, and the places of the contacts along the axles.
+    """Return contact normals in the body frame, and places of the contacts along the axles.
 
     Args:
         T_world_body: (..., 4, 4).
