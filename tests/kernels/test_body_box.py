@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 import rockerbogie as rb
 from rockerbogie._kernels.model.linkage import body_axes
-from rockerbogie._kernels.search import body_box
+from rockerbogie._kernels.search import body_box, box_edge, box_face
+from rockerbogie._kernels.search.box_points import NEAR_ROOM, NEAR_SIZE
 from support import oracle
 from support.helpers import assert_close
 from support.sharp_grounds import draw_case
@@ -61,21 +62,27 @@ def near_flat(kind: str) -> rb.Terrain:
 @pytest.fixture
 def bounded(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Return a list whose only element counts the parts that a search of the box bounds."""
-    parts, compiled = [0], body_box.bound_patch
+    parts, compiled = [0], box_edge.bound_patch
 
     def counted(*args: Any) -> float:
         parts[0] += 1
         return compiled(*args)
 
-    monkeypatch.setattr(body_box, "bound_patch", counted)
-    for name in ("_edge", "_piece", "_edge_bounds", "_face_over_cell"):
-        monkeypatch.setattr(body_box, name, getattr(body_box, name).py_func)
+    for module, names in (
+        (body_box, ("search_edge", "search_face")),
+        (box_edge, ("_search_piece", "_edge_bounds")),
+        (box_face, ("_search_cubic_cell", "_search_quarter")),
+    ):
+        for name in names:
+            monkeypatch.setattr(module, name, getattr(module, name).py_func)
+        if module is not body_box:
+            monkeypatch.setattr(module, "bound_patch", counted)
     return parts
 
 
 def search_level_box(rover: rb.Rover, terrain: rb.Terrain, x: float, y: float, yaw: float, margin: float) -> Array:
     """Return the points (n, NEAR_SIZE) listed of a level box 10 cm above the datum."""
-    axes, near = np.empty((3, 3)), np.empty((body_box.NEAR_ROOM, body_box.NEAR_SIZE))
+    axes, near = np.empty((3, 3)), np.empty((NEAR_ROOM, NEAR_SIZE))
     body_axes(0.0, 0.0, np.cos(yaw), np.sin(yaw), axes)
     at = (x - terrain.origin[0], y - terrain.origin[1], 0.1)
     _, count = body_box.box_over_ground.py_func(terrain.packed, rover.body_box.ravel(), axes, *at, margin, near)  # type: ignore[attr-defined]
@@ -97,5 +104,5 @@ def test_box_above_sparse_coefficients_is_searched_at_once(bounded: list[int]) -
     # 1.3 cm of relief: every cell is within the margin, and each flat corner of a cell ties with its neighbours
     case = draw_case(2029, "coefficients", "cubic", 1)
     near = search_level_box(case.rover, case.terrain, case.x[0], case.y[0], case.yaw[0], 0.011)
-    assert len(near) == body_box.NEAR_ROOM
+    assert len(near) == NEAR_ROOM
     assert bounded[0] <= 10_000, f"{bounded[0]} parts are bounded"

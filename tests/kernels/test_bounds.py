@@ -11,7 +11,7 @@ from scipy.interpolate import BSpline
 
 import rockerbogie as rb
 from rockerbogie._kernels.model import ground, wheel
-from rockerbogie._kernels.search import bilinear_cell, cubic_cell
+from rockerbogie._kernels.search import bilinear_rim, cubic_derivatives, cubic_rim
 
 Array = NDArray[np.float64]
 
@@ -42,11 +42,11 @@ def test_cell_derivative_bounds_contain_the_derivatives(seed: int) -> None:
     dx, dy = rng.uniform(0.1, 2.0, 2)
     noise = rng.choice([0.01, 1.0])  # with little noise, all rows and all columns are nearly alike
     c = noise * rng.normal(size=(4, 4)) + rng.normal(size=(4, 1)) + rng.normal(size=(1, 4))
-    derivatives = np.empty(cubic_cell.DERIVATIVES_SIZE)
-    assert cubic_cell.derivative_bounds(c, 0, 0, dx, dy, derivatives)
+    derivatives = np.empty(cubic_derivatives.DERIVATIVES_SIZE)
+    assert cubic_derivatives.derivative_bounds(c, 0, 0, dx, dy, derivatives)
     for name, order in ORDERS.items():
         values = sampled(c, order, dx, dy)
-        at = getattr(cubic_cell, name)
+        at = getattr(cubic_derivatives, name)
         slack = 1e-9 * (1.0 + abs(values).max())
         if sum(order) == 2:
             assert derivatives[at] <= values.min() + slack, name
@@ -58,16 +58,16 @@ def test_cell_derivative_bounds_contain_the_derivatives(seed: int) -> None:
 @pytest.mark.nojit
 def test_third_derivative_bound_of_a_plane_and_of_a_cubic() -> None:
     """The third derivative of a plane is 0 for any slope, that of x³ / 6 is 1."""
-    derivatives = np.empty(cubic_cell.DERIVATIVES_SIZE)
+    derivatives = np.empty(cubic_derivatives.DERIVATIVES_SIZE)
     row, col = np.mgrid[:4, :4].astype(float)
-    assert cubic_cell.derivative_bounds(3.0 * col - 2.0 * row + 5.0, 0, 0, 0.5, 0.25, derivatives)
+    assert cubic_derivatives.derivative_bounds(3.0 * col - 2.0 * row + 5.0, 0, 0, 0.5, 0.25, derivatives)
     np.testing.assert_allclose(derivatives, 0.0, atol=1e-12)
     # the cubic x³ / 6 sampled at k - 1 has B-spline coefficients (t³ - t) / 6
     t = col - 1.0
-    assert cubic_cell.derivative_bounds((t**3 - t) / 6.0, 0, 0, 1.0, 1.0, derivatives)
-    np.testing.assert_allclose(derivatives[cubic_cell.XXX], 1.0, atol=1e-12)
-    assert cubic_cell.derivative_bounds(((t**3 - t) / 6.0).T.copy(), 0, 0, 1.0, 1.0, derivatives)
-    np.testing.assert_allclose(derivatives[cubic_cell.YYY], 1.0, atol=1e-12)
+    assert cubic_derivatives.derivative_bounds((t**3 - t) / 6.0, 0, 0, 1.0, 1.0, derivatives)
+    np.testing.assert_allclose(derivatives[cubic_derivatives.XXX], 1.0, atol=1e-12)
+    assert cubic_derivatives.derivative_bounds(((t**3 - t) / 6.0).T.copy(), 0, 0, 1.0, 1.0, derivatives)
+    np.testing.assert_allclose(derivatives[cubic_derivatives.YYY], 1.0, atol=1e-12)
 
 
 def some_wheel(rng: np.random.Generator) -> tuple[Array, float, float]:
@@ -92,16 +92,16 @@ def test_curvature_bound_along_a_rim(seed: int) -> None:
     w, _, half = some_wheel(rng)
     w[wheel.HX] += 2.0  # all of the tread lies over the one cell
     w[wheel.HY] += 2.0
-    derivatives = np.empty(cubic_cell.DERIVATIVES_SIZE)
-    assert cubic_cell.derivative_bounds(c, 0, 0, 4.0, 4.0, derivatives)
+    derivatives = np.empty(cubic_derivatives.DERIVATIVES_SIZE)
+    assert cubic_derivatives.derivative_bounds(c, 0, 0, 4.0, 4.0, derivatives)
     for low in (rng.uniform(-1.5, 0.5), rng.uniform(1.6, 3.0)):
         high = low + rng.choice([0.01, 0.3, 1.0, 1.6])
         ends = (math.sin(low), math.cos(low), math.sin(high), math.cos(high))
-        _, _, _, gx, gy = cubic_cell._along(c, meta, w, ends[0], ends[1], half)
-        on_arc = cubic_cell._derivatives_on_arc(c, meta, w, 0, 0, half, high - low, *ends)
-        values = [cubic_cell._along(c, meta, w, math.sin(t), math.cos(t), half)[2] for t in np.linspace(low, high, 101)]
+        _, _, _, gx, gy = cubic_rim._along(c, meta, w, ends[0], ends[1], half)
+        on_arc = cubic_rim._derivatives_on_arc(c, meta, w, 0, 0, half, high - low, *ends)
+        values = [cubic_rim._along(c, meta, w, math.sin(t), math.cos(t), half)[2] for t in np.linspace(low, high, 101)]
         for bounds in (derivatives, on_arc):
-            assert cubic_cell._least_curvature(w, bounds, gx, gy, low, high, *ends) <= min(values) + 1e-12
+            assert cubic_rim._least_curvature(w, bounds, gx, gy, low, high, *ends) <= min(values) + 1e-12
 
 
 @pytest.mark.nojit
@@ -112,7 +112,7 @@ def test_minimum_of_a_wave(seed: int) -> None:
     low = rng.uniform(-7, 7)
     high = low + rng.uniform(0, 7)
     t = np.linspace(low, high, 20001)
-    least = bilinear_cell._least_of_wave(even, odd, low, high)
+    least = bilinear_rim._least_of_wave(even, odd, low, high)
     assert least == pytest.approx((even * np.cos(t) + odd * np.sin(t)).min(), abs=1e-6)
     assert least <= (even * np.cos(t) + odd * np.sin(t)).min() + 1e-12
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import rockerbogie as rb
 from rockerbogie._kernels.model.linkage import forward_kinematics, set_hub_offsets
 from rockerbogie._kernels.model.wheel import CONTACT_SIZE, GAP
-from rockerbogie._kernels.search import cubic_cell, tread
+from rockerbogie._kernels.search import cubic_cell, cubic_rim, cubic_tread, tread
 from rockerbogie._kernels.search.workspace import WORK_SIZE, lay_out
 from rockerbogie._kernels.solve import newton
 from support import oracle
@@ -34,19 +34,21 @@ def wall(height: float) -> rb.Terrain:
 def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Return a list whose only element counts the terrain values of a search."""
     values = [0]
-    for name in ("_inside", "_convex_part", "_arc", "_convex_arc"):
-        monkeypatch.setattr(cubic_cell, name, getattr(cubic_cell, name).py_func)
+    for module, name in (
+        (cubic_cell, "search_inside"), (cubic_tread, "_convex_part"), (cubic_cell, "search_arc"), (cubic_rim, "_convex_arc"),
+    ):  # fmt: skip
+        monkeypatch.setattr(module, name, getattr(module, name).py_func)
     monkeypatch.setattr(tread, "search_curved_cell", cubic_cell.search_curved_cell.py_func)  # type: ignore[attr-defined]
     for rover, height in (("curiosity", 10.0), ("elhami-dashti", 0.3)):  # compile what calls the counted functions
         search_below(rb.load_rover(rover), wall(height), 20.3, 0.3, 0.02)
-    for name in ("_along", "surface"):
-        compiled = getattr(cubic_cell, name)
+    for module, name in ((cubic_rim, "_along"), (cubic_tread, "surface")):
+        compiled = getattr(module, name)
 
         def count(*args: Any, compiled: Any = compiled) -> Any:
             values[0] += 1
             return compiled(*args)
 
-        monkeypatch.setattr(cubic_cell, name, count)
+        monkeypatch.setattr(module, name, count)
     return values
 
 

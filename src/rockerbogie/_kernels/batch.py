@@ -30,8 +30,10 @@ from .model.wheel import (
     gap_at,
     tread_point,
 )
-from .search.body_box import NEAR_ROOM, NEAR_SIZE, box_over_ground, least_clearance
-from .search.tread import FOUND, count_contacts, least_gap
+from .search.body_box import box_over_ground
+from .search.box_points import NEAR_ROOM, NEAR_SIZE, least_clearance
+from .search.separate_contacts import count_contacts
+from .search.tread import FOUND, least_gap
 from .search.verify_minimum import LEAST
 from .search.workspace import WORK_SIZE, lay_out
 from .simd import bilinear_settle

@@ -92,15 +92,18 @@ def _fill_from_nearest(line: Array) -> None:
 
 
 def with_grid(ground: Ground, grid: Array, row: int, col: int) -> Ground:
-    """Return a terrain with another grid, which must outlive it.
+    """Return packed terrain that reads its heights from a small patch around one cell.
+
+    The result holds a view of `grid`, so `grid` must exist as long as the result is used. Only cells whose nodes or
+    coefficients are in the patch may be read.
 
     Args:
-        ground: terrain.
-        grid: nodes or coefficients, m, from those of cell (col, row) on.
-        row, col: the cell.
+        ground: packed terrain; its upper bound and header are used.
+        grid: (rows, cols) the patch: node heights (bilinear) or spline coefficients (cubic), m.
+        row, col: the cell of the map whose first node or coefficient is grid[0, 0].
 
     Returns:
-        The terrain, indexed as the first one.
+        Packed terrain of the same kind, with rows and columns numbered as those of `ground`.
     """
     return _with_grid_of(type(ground))(ground, grid, row, col)
 

@@ -35,7 +35,7 @@ from ..model.wheel import (
     gap_at,
     tread_point,
 )
-from .cubic_cell import DERIVATIVES_SIZE, XX, XXX, XXY, XY, XYY, YY, YYY, derivative_bounds
+from .cubic_derivatives import DERIVATIVES_SIZE, XX, XXX, XXY, XY, XYY, YY, YYY, derivative_bounds
 from .tread import FOUND, least_gap
 
 Array = NDArray[np.float64]

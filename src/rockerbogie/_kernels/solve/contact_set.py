@@ -11,7 +11,8 @@ from ..jit.decorators import njit
 from ..model.ground import Ground
 from ..model.linkage import P_BOX, P_RADIUS, Z, forward_kinematics, gap_jacobian_row
 from ..model.wheel import COSINE, GAP, HX, HY, HZ, PLACE, RADIUS, SIN, contact_slope, tread_point
-from ..search.body_box import N_GAP, N_GX, N_GY, N_X, N_Y, N_Z, NEAR_ROOM, NEAR_SIZE, box_over_ground, least_clearance
+from ..search.body_box import box_over_ground
+from ..search.box_points import N_GAP, N_GX, N_GY, N_X, N_Y, N_Z, NEAR_ROOM, NEAR_SIZE, least_clearance
 from ..search.tread import FOUND, ROOM, least_gap
 from ..search.workspace import Work
 

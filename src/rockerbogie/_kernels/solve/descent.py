@@ -17,7 +17,7 @@ from ..model.ground import Ground
 from ..model.linkage import BOGIE_L, P_BODY, P_BOGIE, P_BOGIE_PIVOT, P_PIVOT, P_ROCKER, P_STOPS, P_WHEEL, PITCH, ROCKER, ROLL, Z
 from ..model.mass import centre_of_mass
 from ..model.wheel import COSINE, PLACE, SIN
-from ..search.body_box import NEAR_ROOM, NEAR_SIZE
+from ..search.box_points import NEAR_ROOM, NEAR_SIZE
 from ..search.tread import FOUND
 from ..search.workspace import Work
 from .contact_set import body_contacts, list_contacts, lowest_contacts, shift_to_contact
@@ -82,14 +82,15 @@ def build_constraints(
 
 @njit
 def damping_weights(rover: Array, hub_offsets: Array, out: Array) -> None:
-    """Compute the damping of each unknown.
+    """Compute the damping of the six unknowns (z, roll, pitch, rocker, both bogies).
 
-    It is the moment of inertia of the moving links about its axis, joints straight.
+    The damping of an angle is the moment of inertia about its axis of the links that it moves, with all joints at 0,
+    divided by the rover's mass.
 
     Args:
         rover: (P_SIZE,) packed rover.
         hub_offsets: (6, 5) of `linkage.set_hub_offsets`.
-        out: (6,) filled, m² (1 for z): divided by the rover's mass.
+        out: (6,) filled: m² for the angles, 1 for z.
     """
     out[:] = 0.0
     total = rover[P_BODY]

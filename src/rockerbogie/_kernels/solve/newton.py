@@ -25,7 +25,8 @@ from ..model.linkage import (
 )
 from ..model.tolerances import CONVERGED_GAP, MAX_ANGLE, MAX_STEP_ANGLE, SEARCH_GAP
 from ..model.wheel import COSINE, GAP, HX, HY, HZ, PLACE, RADIUS, SIN, contact_slope, tread_point
-from ..search.body_box import NEAR_ROOM, NEAR_SIZE, box_over_ground
+from ..search.body_box import box_over_ground
+from ..search.box_points import NEAR_ROOM, NEAR_SIZE
 from ..search.tread import BLANK, FOUND, OFF, least_gap
 from ..search.workspace import Work
 

@@ -26,7 +26,8 @@ from ..model.linkage import P_BOX, P_HALF, P_RADIUS, P_STOPS, ROCKER, Z, forward
 from ..model.mass import centre_of_mass
 from ..model.tolerances import CONTACT_GAP, LIMIT_MARGIN
 from ..model.wheel import AX, AY, AZ, COSINE, GAP, HX, HY, HZ, PLACE, SIN, contact_slope, tread_point
-from ..search.body_box import NEAR_ROOM, NEAR_SIZE, box_over_ground, least_clearance
+from ..search.body_box import box_over_ground
+from ..search.box_points import NEAR_ROOM, NEAR_SIZE, least_clearance
 from ..search.tread import FOUND, least_gap
 from ..search.workspace import Work
 from .contact_set import list_wheel, lowest_contacts
@@ -123,10 +124,10 @@ def wheel_shares(rows: Array, slope: Array, share: Array) -> float:
     Args:
         rows: (6, 6) change of each gap per unit of each unknown.
         slope: (6,) gradient of the height of the centre of mass.
-        share: (6,) filled with the forces divided by the weight, none NaN if the return value is not.
+        share: (6,) filled with the forces divided by the weight.
 
     Returns:
-        The smallest of them; NaN if the equations are singular.
+        The smallest of them; NaN if one of them is NaN, because the equations are singular.
     """
     a, b = np.empty((6, 6)), share
     for i in range(6):

@@ -161,7 +161,10 @@ class Wheel:
         return self.n * x.n + x.t * mu
 
     def set_scaling(self, over_x: Any, over_z: Any, power: Any, excess_x: Any, excess_z: Any) -> None:
-        """Compute the Nesterov-Todd scaling: `hessian(z)` is x.
+        """Set the Nesterov-Todd scaling from x and z: `hessian(z)` equals x.
+
+        It sets `w`, `size`, `square`, `scaled` and their inverses `over_...`. The excess of an element is n² - |t|²: its
+        normal component squared less that of the tangential one.
 
         Args:
             over_x, over_z: 1 / sqrt of the excess of x and of z.

@@ -12,7 +12,8 @@ from ..jit.raw_views import unowned_view
 from ..model.ground import META_X, META_Y, META_Z, Ground, surface
 from ..model.linkage import P_BOX, P_HALF, PITCH, ROLL, Z, body_axes, forward_kinematics, set_hub_offsets
 from ..model.wheel import AX, AY, AZ, HX, HY, HZ
-from ..search.body_box import N_GAP, N_GX, N_GY, N_X, N_Y, N_Z, NEAR_SIZE, box_over_ground
+from ..search.body_box import box_over_ground
+from ..search.box_points import N_GAP, N_GX, N_GY, N_X, N_Y, N_Z, NEAR_SIZE
 from .balance import EQUATIONS, axle_torque
 from .friction_path import HELD, UNHELD
 from .lane_friction import UNSOLVED, friction_batch
