@@ -18,13 +18,13 @@
   } catch { /* a browser that blocks it has the switch in the tab Terrain */ }
   if (!slow) return;
 
-  // The time of a picture drawn by the processor is proportional to its pixels: no antialiasing, one pixel for four while
+  // The time of a picture drawn by the processor is proportional to its pixels: no antialiasing, fewer pixels while
   // the scene moves, and no empty background picture.
   const get = HTMLCanvasElement.prototype.getContext;
   HTMLCanvasElement.prototype.getContext = function (kind, options) {
     return get.call(this, kind, kind.startsWith("webgl") ? { ...options, antialias: false } : options);
   };
-  const SHARP = Math.min(devicePixelRatio, 1), COARSE = 0.5;
+  const SHARP = Math.min(devicePixelRatio, 1), COARSE = 0.4;
   const MOVING = 350, ROW = 6;  // ms and number of pictures in a row from which the scene counts as moving
   const REST = 600;  // ms without a picture from which it counts as at rest
   let watched = null, began = 0, row = 0, last = -Infinity, timer = 0;
