@@ -31,8 +31,8 @@ def line_support_batch(
 
     Args:
         rover, yaw, steering, q, point, normal, span, stops, belly_point, belly_normal: as for `loads.loads_batch`.
-        force: (n, 6) contact forces of the wheels, of the weight, changed; wheels without force stay without.
-        belly: (n,) contact force of the body, of the weight, changed.
+        force: (n, 6) vertical parts of the wheels' contact forces, of the weight, changed; wheels without force stay without.
+        belly: (n,) vertical part of the body's contact force, of the weight, changed.
         start, stop: range of poses.
     """
     m, b, row = new_mechanism(), np.empty(EQUATIONS), np.empty((6 + EXTRA, 6))
@@ -84,9 +84,9 @@ def line_support_batch(
         belly[k] = 0.0
         for i in range(unknown):
             if who[i] < count:
-                force[k, m.who[who[i]]] = x[i]
+                force[k, m.who[who[i]]] = row[i, 0] * x[i]
             elif m.owner[who[i] - count] == ON_BELLY:
-                belly[k] += x[i]
+                belly[k] += row[i, 0] * x[i]
 
 
 @njit
