@@ -37,8 +37,8 @@ Array = NDArray[np.float64]
 
 FARTHEST = 0.5  # rad: the descent is not cut short if an angle differs by more
 LEAST_SHARE = 0.08  # of the weight: the smallest force of a wheel, at both poses
-FLATNESS = 0.25  # of the smallest share times the radius: largest error of a gap that a tangent plane predicts
-TURN = 1.0  # of the smallest share: largest change of a contact's slope
+FLATNESS = 1.0  # of the smallest share times the radius: largest error of a gap that a tangent plane predicts
+TURN = 3.0  # of the smallest share: largest change of a contact's slope
 
 # A wheel and its contact: hub, axle, contact point on the terrain, slope there, and the gap.
 W_X, W_Y, W_Z, W_AX, W_AY, W_AZ, W_PX, W_PY, W_PZ, W_GX, W_GY, W_GAP = range(12)
