@@ -205,6 +205,7 @@ def _decorate(lab: Lab) -> None:
     server.scene.add_light_hemisphere("/sky", sky_color=(255, 255, 255), ground_color=(190, 170, 150), intensity=SKY)
 
     def enter(client: viser.ClientHandle) -> None:
+        """Open a visitor's session, which draws the scene and the panels and starts its thread."""
         limit_uploads(client, lambda text: client.add_notification("File not read", text, color="red"))
         session = Session(lab, client, draws_on_processor(client))
         lab.sessions[client.client_id] = session

@@ -147,7 +147,7 @@ class SlipBank:
         return float(np.clip(1 - self.weight @ (below @ _SHARES), 0.0, 1.0))
 
     def moments(self, travel: float, slope: float, quantiles: Array) -> tuple[float, Array]:
-        """Return mean and quantiles of the slip measured after some travel.
+        """Forecast mean and quantiles of the slip that the log will hold after some travel.
 
         Args:
             travel: m.

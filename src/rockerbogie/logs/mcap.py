@@ -231,7 +231,7 @@ def _about(axis: Array | None, angle: float) -> Array:
 
 
 class _Messages:
-    """Builder of ROS messages from numbers."""
+    """Builder of ROS messages for MCAP files from numbers, without ROS."""
 
     def __init__(self, store: Any) -> None:
         self.types = store.types

@@ -303,7 +303,7 @@ class OdometryFilter:
 
     @property
     def _last(self) -> Array:
-        """The last row."""
+        """Return a copy of the newest row of sensor readings."""
         return np.array(self._rows[self._count - 1])
 
     def _raw(self, k: int) -> Array:

@@ -118,7 +118,7 @@ def _describe(raster: Any, maps: xr.Dataset, layers: list[Band]) -> None:
 
 
 def _copy_piece(maps: xr.Dataset, layers: list[Band], raster: Any, rows: slice, cols: slice) -> None:
-    """Write one piece of every band. The headings of a layer are loaded at once."""
+    """Write one window into every band of an open GeoTIFF, all headings of a layer at once."""
     from rasterio.windows import Window
 
     piece = maps.isel(y=rows, x=cols)

@@ -226,7 +226,10 @@ def _crossings(kind: NDArray[np.int64], base: Complex, turn: Complex, radius: fl
 
 
 def _position(kind: int, base: complex, turn: complex, radius: float, point: complex) -> float:
-    """Return the arc length of a point from the start of its piece, m; arcs turn clockwise."""
+    """Return the signed length along a piece of the hub's curve to a point, m.
+
+    Arcs turn clockwise.
+    """
     if kind == LINE:
         return float((np.conj(turn) * (point - base)).real)
     return float(-cmath.phase((point - base) / (radius * turn)) * radius)

@@ -37,7 +37,9 @@ CHUNK = 256
 
 
 def balance(point: Complex, normal: Complex, pivot: Complex, weights: tuple[tuple[Complex, float], ...]) -> tuple[Array, Array]:
-    """Return the balance equations A f = b, f = (N₁, N₂, N₃, T₁, T₂, T₃).
+    """Return the balance of forces in the plane of symmetry, A f = b.
+
+    f is (N₁, N₂, N₃, T₁, T₂, T₃).
 
     Rows: force along x, force along z, moment of the rover about the bogie pivot, moment of the bogie about it.
 

@@ -115,7 +115,10 @@ def stability(pose: Pose, *, gravity: float | None = None, friction: float = GRI
 
 
 def _tip_angles(packed: PackedContacts, margin: Array, friction: float) -> Array:
-    """Return the margins (n,), negative where no forces hold the rover."""
+    """Return the margins (n,), rad, below 0 where no forces hold the rover.
+
+    It is then minus the angle by which gravity must turn until some do.
+    """
     signed = margin.copy()
     for k in np.flatnonzero(~(margin > 0.0) & ~np.isnan(packed.q[:, 0])):
         lacking = shortfall(packed, int(k), friction)
