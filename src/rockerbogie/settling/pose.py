@@ -225,7 +225,7 @@ class Pose:
 
     @property
     def support(self) -> Array:
-        """(..., 6) vertical part of each wheel's frictionless contact force, N; equilibrium mode only.
+        """(..., 6) vertical part of each wheel's frictionless force, N; equilibrium mode only.
 
         The parts of wheels and body add up to the weight. If the contact spans the tread's width, the force acts at its middle.
         """
@@ -233,7 +233,7 @@ class Pose:
 
     @property
     def belly_support(self) -> Array:
-        """(...) vertical part of the frictionless contact force on the body's box, N; equilibrium mode only."""
+        """(...) vertical part of the body's frictionless contact force, N; equilibrium mode only."""
         return np.asarray(self._frictionless[1] * self.rover.mass * self.gravity)
 
     @cached_property
