@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,6 +13,9 @@ from support.data import DATA
 
 # A first pose in plain Python differs from compiled ones in its last bits: tests that compare bits wait for the compiler.
 os.environ.setdefault("ROCKERBOGIE_WAIT_FOR_COMPILER", "1")
+# In the background of a shell, interrupts are ignored; the processes that tests interrupt would inherit that and run on.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")
