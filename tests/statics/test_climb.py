@@ -12,12 +12,13 @@ import pytest
 from scipy.optimize import brentq, linprog
 
 import rockerbogie as rb
+from rockerbogie._kernels.statics.mechanism import BELLY
 from rockerbogie.cli import main
 from rockerbogie.errors import RockerbogieError
 from rockerbogie.figures.climbing import write_climb_film
 from rockerbogie.statics.climb import station_balance
 from rockerbogie.statics.climb_limits import step_friction
-from rockerbogie.statics.contacts import BELLY, PackedContacts
+from rockerbogie.statics.contacts import PackedContacts
 from rockerbogie.statics.hub_curve import HubCurve
 from rockerbogie.statics.planar_forces import equal_friction, least_friction, least_torque
 from rockerbogie.statics.planar_run import run_over
@@ -282,8 +283,9 @@ def test_least_friction_equals_that_of_the_whole_mechanism(name: str, monkeypatc
     normal[..., [0, 2]] = run.contact_normal[keep]
     none = np.full((1, BELLY, 3), np.nan)
     packed = PackedContacts(
-        rover.packed, np.zeros(n), np.zeros((1, 6)), q, point, normal, np.zeros((n, 3), dtype=np.int8), none, none
-    )
+        rover.packed, np.zeros(n), np.zeros((1, 6)), q, point, normal, np.zeros((1, 6, 3)), np.zeros((n, 3), dtype=np.int8),
+        none, none,
+    )  # fmt: skip
     monkeypatch.setattr("rockerbogie.statics.loads.pack_contacts", lambda pose: packed)
     required = rb.wheel_loads(rb.settle(rover, rb.surfaces.plane(size=8.0), np.zeros(n), 0.0, 0.0)).required_friction
     assert np.isfinite(required).all()
@@ -404,7 +406,8 @@ def test_across_slope_tips_where_the_lower_wheels_are() -> None:
     limits = rb.limits_of(rover, friction=20.0)
     centre = sum(k.mass * k.com for k in rover.links) / rover.mass
     height = centre[2] - float((rover.hubs[:, 2] - rover.wheel_radius).mean())
-    track = np.abs(rover.hubs[:, 1])  # the lower wheels carry all: corner wheels are nearer than middle wheels
+    # the outer edges of the lower treads carry all: corner wheels are nearer than middle wheels
+    track = np.abs(rover.hubs[:, 1]) + rover.wheel_width / 2
     assert np.arctan(track.min() / height) < limits.slope_across < np.arctan(track.max() / height)
 
 
