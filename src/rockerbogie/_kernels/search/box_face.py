@@ -68,7 +68,7 @@ class Quarter(NamedTuple):
     ry: float
 
 
-@njit
+@inlined
 def search_face(
     ground: Ground, patch: Array, face: Face, cells: tuple[int, int, int, int], extent: Rectangle,
     sought: Sought, near: Array, count: int,
@@ -129,7 +129,7 @@ def _is_beside(face: Face, ox: float, oy: float, rx: float, ry: float) -> bool:
     return outside_a or max(face.b_low - pb, pb - face.b_high) > rx * abs(face.bx) + ry * abs(face.by)
 
 
-@njit
+@inlined
 def _room(upper_bound: Array, meta: Array, i: int, j: int, ox: float, oy: float, face: Face, part: Rectangle) -> float:
     """Return a lower bound of the gap between a face and a part of a cell, m.
 
