@@ -186,6 +186,15 @@ def test_map_gives_the_slope_where_the_log_has_positions_alone(rover):
     assert np.isfinite(rb.forecast_slip(rover, terrain, placed)["mean"]).all()
 
 
+def test_rows_without_position_have_no_slope(rover):
+    terrain = rb.Terrain.from_array(np.zeros((41, 121)), 0.1, origin=(-2.0, -2.0), interpolation="linear")
+    log = hill_log(rover, terrain, False)
+    log["x"][:6] = np.nan
+    assert np.isfinite(rb.forecast_slip(rover, terrain, log)["mean"]).all()
+    with pytest.raises(rb.RockerbogieError, match="6 of 24 rows have no slope"):
+        rb.fit_soil(rover, terrain, log)
+
+
 def test_fit_refuses_positions_beside_the_map(rover):
     level = {
         name: rb.Terrain.from_array(np.zeros((41, n)), 0.1, origin=(start, -2.0), interpolation="linear")

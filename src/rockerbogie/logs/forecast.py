@@ -322,16 +322,16 @@ def slope_by_map(rover: Rover, terrain: Terrain | None, log: xr.Dataset) -> xr.D
         return log
     x, y, yaw, heading = (log[name].to_numpy()[missing] for name in PLACES)
     columns = {name: log[name].to_numpy().copy() for name in ("along", "across")}
-    known = np.isfinite(x) & np.isfinite(y) & np.isfinite(yaw)
-    rows = np.flatnonzero(missing)[known]
-    columns["along"][rows], columns["across"][rows] = _slope_at(rover, terrain, x[known], y[known], yaw[known], heading[known])
+    columns["along"][missing], columns["across"][missing] = _slope_at(rover, terrain, x, y, yaw, heading)
     return log.assign({name: ("row", values, log[name].attrs) for name, values in columns.items()})
 
 
 def _slope_at(rover: Rover, terrain: Terrain, x: Array, y: Array, yaw: Array, heading: Array) -> tuple[Array, Array]:
     """Return the sines of the slope along and across the travel (...) of settled poses, or NaN."""
-    pose = settle(rover, terrain, x, y, yaw)
-    return -np.sin(pose.pitch) * heading, np.cos(pose.pitch) * np.sin(pose.roll)
+    known = np.isfinite(x + y + yaw)
+    pose = settle(rover, terrain, *(np.where(known, value, 0.0) for value in (x, y, yaw)))
+    along, across = -np.sin(pose.pitch) * heading, np.cos(pose.pitch) * np.sin(pose.roll)
+    return np.where(known, along, np.nan), np.where(known, across, np.nan)
 
 
 def _slope_ahead(rover: Rover, terrain: Terrain, data: xr.Dataset, rows: Any) -> Array:
