@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Awaitable, Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -100,11 +100,11 @@ class Visit(Protocol):
     def leave(self) -> None:
         """Leave the run and the robot: the rover stays where it is, free to be moved."""
 
-    def callback(self, action: Callable[[Any], Any], key: Any = None) -> Callable[[Any], None]:
+    def callback(self, action: Callable[[Any], Any], key: Any = None) -> Callable[[Any], Awaitable[None]]:
         """Return a callback for viser that hands an action over.
 
         Args:
-            action: takes viser's event.
+            action: takes the value that the visitor gave to the control; None for a key.
             key: as `later`.
 
         Returns:

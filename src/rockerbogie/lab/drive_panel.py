@@ -75,7 +75,7 @@ class DrivePanel:
         self.click = gui.add_dropdown("a click", (MOVE, DRAW, ROUTE), initial_value=MOVE, hint="effect of a click on the terrain")
         self.click.on_update(session.callback(lambda _: self._explain()))
         edit = gui.add_button_group("path", ("Undo", "Clear"))
-        edit.on_click(session.callback(lambda event: self._undo() if event.target.value == "Undo" else self.clear()))
+        edit.on_click(session.callback(lambda name: self._undo() if name == "Undo" else self.clear()))
         self.speed = gui.add_slider("speed [cm/s]", 1.0, 30.0, 0.5, 5.0)
         self.drive_button = gui.add_button("Drive the path", disabled=True)
         self.drive_button.on_click(session.callback(lambda _: self._drive()))
@@ -85,7 +85,7 @@ class DrivePanel:
         self.play_button = gui.add_button(PLAY, disabled=True)
         self.play_button.on_click(session.callback(lambda _: self.play(not self.playing)))
         self.scrub = gui.add_slider("time [s]", 0.0, 1.0, 0.01, 0.0, disabled=True)
-        self.scrub.on_update(session.callback(lambda _: self._scrub(), "scrub"))
+        self.scrub.on_update(session.callback(self._scrub, "scrub"))
         self.rate = gui.add_slider("playback ×", 1.0, 100.0, 1.0, 1.0)
         self.charts = gui.add_html("")
         self.save = gui.add_button("Save the run as CSV", disabled=True, color=QUIET)
@@ -302,11 +302,11 @@ class DrivePanel:
         self.play_button.label = PAUSE if on else PLAY
         self.session.redraw()
 
-    def _scrub(self) -> None:
-        """Show the time of the slider."""
+    def _scrub(self, seconds: float) -> None:
+        """Show the time that the visitor chose."""
         if self.run is not None:
             self.play(False)
-            self.time = float(self.scrub.value)
+            self.time = float(seconds)
             self.session.redraw()
 
     def _save(self) -> None:

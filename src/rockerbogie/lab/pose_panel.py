@@ -34,8 +34,8 @@ class PosePanel:
         self.x = gui.add_number("x [m]", round(state.x, 4), step=0.01)
         self.y = gui.add_number("y [m]", round(state.y, 4), step=0.01)
         self.yaw = gui.add_number("yaw [°]", round(math.degrees(state.yaw), 3), step=0.1)
-        for field in (self.x, self.y, self.yaw):
-            field.on_update(session.callback(self._typed, "typed"))
+        for axis, field in enumerate((self.x, self.y, self.yaw)):
+            field.on_update(session.callback(partial(self._typed, axis), ("typed", axis)))
         self.mode = gui.add_dropdown(
             "mode", ("contact", "equilibrium"), initial_value=state.mode,
             hint="contact: all six wheels on the terrain. equilibrium: the rover under its own weight; wheels may lift.",
@@ -81,10 +81,13 @@ class PosePanel:
                 field.value = value
         self.wheels.content = wheels
 
-    def _typed(self, _: Any) -> None:
-        """Move the rover to the position in the fields."""
+    def _typed(self, axis: int, value: float) -> None:
+        """Move the rover to a typed x, y or yaw; the other two stay as they are or will be."""
         self.session.leave()
-        self.session.state.target = (float(self.x.value), float(self.y.value), math.radians(float(self.yaw.value)))
+        state = self.session.state
+        target = list(state.target or (state.x, state.y, state.yaw))
+        target[axis] = math.radians(value) if axis == 2 else float(value)
+        state.target = (target[0], target[1], target[2])
 
     def _step(self, forward: float, turn: float, _: Any) -> None:
         """Move the rover by one press of a key."""

@@ -33,7 +33,7 @@ class RoverPanel:
         self.preset = gui.add_dropdown("rover", [*names, *([] if own in names else [OWN])], initial_value=own)
         self.preset.on_update(session.callback(self._choose))
         upload = gui.add_upload_button("Upload TOML, URDF, SDF or MJCF", mime_type=".toml,.urdf,.sdf,.xml", color=QUIET)
-        upload.on_upload(session.callback(lambda event: self._uploaded(event.target.value)))
+        upload.on_upload(session.callback(self._uploaded))
         gui.add_button("Save as TOML").on_click(session.callback(self._save))
         self.edit_by = gui.add_dropdown("sizes by", (PIVOTS, CONSTANTS), initial_value=PIVOTS)
         self.edit_by.on_update(session.callback(lambda _: self._build()))

@@ -7,7 +7,7 @@ import threading
 import time
 import traceback
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -121,20 +121,22 @@ class Session:
         self.live_panel.leave()
         self.drive_panel.leave()
 
-    def callback(self, action: Callable[[Any], Any], key: Any = None) -> Callable[[Any], None]:
+    def callback(self, action: Callable[[Any], Any], key: Any = None) -> Callable[[Any], Awaitable[None]]:
         """Return a callback for viser that hands an action over.
 
         Args:
-            action: takes viser's event.
+            action: takes the value that the visitor gave to the control; None for a key.
             key: as `later`.
 
         Returns:
             The callback. It ignores events that the program itself causes by setting a value.
         """
 
-        def run(event: Any) -> None:
+        async def run(event: Any) -> None:
+            # A coroutine runs at once where viser receives the value; a frame may write another one before the action runs.
+            value = getattr(event.target, "value", None)
             if event.client is not None:
-                self.later(lambda: action(event), key)
+                self.later(lambda: action(value), key)
 
         return run
 

@@ -43,7 +43,7 @@ class TerrainPanel:
         )
         self.light.on_update(session.callback(self._lightened))
         upload = gui.add_upload_button("Upload a GeoTIFF", mime_type=".tif,.tiff", color=QUIET)
-        upload.on_upload(session.callback(lambda event: self._uploaded(event.target.value)))
+        upload.on_upload(session.callback(self._uploaded))
         self.map_button = gui.add_button(
             "Map where the rover can go", color=QUIET,
             hint="Settle the rover at up to 90 × 90 cells and 8 headings, with the limits of the tab Pose.",
