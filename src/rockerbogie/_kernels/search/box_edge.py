@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import inlined, njit
 from ..model.ground import META_CUBIC, META_DX, META_DY, META_NX, META_NY, Ground, surface
 from ..model.tolerances import CLEARANCE_TIE, SMALLEST_PART
 from .box_points import Sought, keep_lower_point, least_clearance, limit_of_part
@@ -37,7 +37,7 @@ class Edge(NamedTuple):
     length: float  # m
 
 
-@njit
+@inlined
 def search_edge(ground: Ground, patch: Array, edge: Edge, sought: Sought, near: Array, count: int) -> int:
     """List the points of an edge of the box that are near the terrain, cell by cell.
 

@@ -156,7 +156,7 @@ def _room(upper_bound: Array, meta: Array, i: int, j: int, ox: float, oy: float,
     return face.z + face.c0 + min(at_south, at_north)
 
 
-@njit
+@inlined
 def _search_nodes(
     grid: Array, upper_bound: Array, meta: Array, i: int, j: int, ox: float, oy: float, face: Face,
     sought: Sought, near: Array, count: int,
