@@ -14,6 +14,7 @@ from rockerbogie._kernels.model.ground import META_X, META_Y, META_Z
 from rockerbogie._kernels.search.workspace import WORK_SIZE, lay_out
 from rockerbogie._kernels.solve.descent import let_down
 from rockerbogie._kernels.solve.energy import CONSTRAINTS, ROWS
+from rockerbogie._kernels.solve.site import Site, new_contacts, new_program
 from rockerbogie._kernels.solve.six_wheels import SIX_SIZE, lay_out_six
 from support import oracle
 from support.helpers import assert_close
@@ -75,14 +76,13 @@ def lowered(rover: rb.Rover, terrain: rb.Terrain, x: float, y: float, yaw: float
     meta = terrain.packed.meta
     buffer, room, q = np.zeros(WORK_SIZE), np.zeros(SIX_SIZE), np.zeros(6)
     work, six = lay_out(buffer), lay_out_six(room)
-    gap, rows, owner = np.empty(ROWS), np.empty((ROWS, 6)), np.empty(ROWS, np.int64)
-    constraints = np.empty((CONSTRAINTS, 6)), np.empty(CONSTRAINTS)
+    contacts, program = new_contacts(ROWS), new_program(CONSTRAINTS)
     linkage.set_hub_offsets(rover.packed, np.zeros(6), work.hub_offsets)
-    at = x - meta[META_X], y - meta[META_Y], math.cos(yaw), math.sin(yaw)
-    code, count = let_down(terrain.packed, rover.packed, *at, q, work, six, gap, rows, owner, *constraints)
+    site = Site(terrain.packed, rover.packed, x - meta[META_X], y - meta[META_Y], math.cos(yaw), math.sin(yaw), work)
+    code, count = let_down(site, q, six, contacts, program)
     buffer[0] = room[0] = 0.0  # keep the buffers alive: `work` and `six` are unowned views of them
     assert count >= 6
-    return q + [meta[META_Z], 0, 0, 0, 0, 0], code, gap[:count]
+    return q + [meta[META_Z], 0, 0, 0, 0, 0], code, contacts.gap[:count]
 
 
 @pytest.mark.parametrize("seed", range(2))

@@ -45,6 +45,7 @@ from .simd.wheel_lanes import few_poses
 from .solve.equilibrium import settle_equilibrium, settle_from_pose
 from .solve.forces import R_SIZE
 from .solve.newton import CONVERGED, JOINT_STOP, NO_DATA, NOT_CONVERGED, STARTS, beyond_stops, covered, settle_contact
+from .solve.site import Site
 from .solve.six_wheels import SIX_SIZE, lay_out_six
 
 Array = NDArray[np.float64]
@@ -250,7 +251,7 @@ def rest_batch(
         px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
         six.q[:] = q[k]
         six.q[Z] = q[k, Z] - meta[META_Z] if status[k] == CONVERGED else math.nan
-        status[k] = settle_equilibrium(land, car, px, py, math.cos(yaw[k]), math.sin(yaw[k]), q[k], report[k], work, six)
+        status[k] = settle_equilibrium(Site(land, car, px, py, math.cos(yaw[k]), math.sin(yaw[k]), work), q[k], report[k], six)
         q[k, Z] += meta[META_Z]
     buffer[0] = room[0] = 0.0  # keep the buffers alive: `work` and `six` are unowned views of them
 
@@ -284,7 +285,7 @@ def rest_left(
         set_hub_offsets(car, steering[k if steering.shape[0] > 1 else 0], work.hub_offsets)
         px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
         q[k, Z] -= meta[META_Z]
-        code = settle_from_pose(land, car, px, py, math.cos(yaw[k]), math.sin(yaw[k]), q[k], report[k], work)
+        code = settle_from_pose(Site(land, car, px, py, math.cos(yaw[k]), math.sin(yaw[k]), work), q[k], report[k])
         if not math.isnan(q[k, Z]):
             status[k] = code
             q[k, Z] += meta[META_Z]
@@ -375,7 +376,7 @@ def rest_bridged(
         i0, i1, j0, j1 = cells_around(land, px, py, far)
         grid, missing = bridged_grid(land, i0, i1, j0, j1)
         if 0 < missing < grid.size:
-            code = settle_equilibrium(with_grid(land, grid, j0, i0), car, px, py, cy, sy, trial, forces, work, six)
+            code = settle_equilibrium(Site(with_grid(land, grid, j0, i0), car, px, py, cy, sy, work), trial, forces, six)
             if not math.isnan(trial[Z]) and covered(land, car, px, py, cy, sy, trial, True, work):
                 status[k], q[k], report[k] = code, trial, forces
                 q[k, Z] += meta[META_Z]

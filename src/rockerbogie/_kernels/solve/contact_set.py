@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit.decorators import njit
-from ..model.ground import Ground
 from ..model.linkage import P_BOX, P_RADIUS, Z, forward_kinematics, gap_jacobian_row
 from ..model.wheel import COSINE, GAP, HX, HY, HZ, PLACE, RADIUS, SIN, contact_slope, tread_point
 from ..search.body_box import box_over_ground
 from ..search.box_points import N_GAP, N_GX, N_GY, N_X, N_Y, N_Z, NEAR_ROOM, NEAR_SIZE, least_clearance
 from ..search.tread import FOUND, ROOM, least_gap
-from ..search.workspace import Work
+from .site import Contacts, Site
 
 Array = NDArray[np.float64]
 
@@ -23,26 +22,21 @@ LISTED = 6 * (ROOM + 1) + NEAR_ROOM  # how many there may be
 
 
 @njit
-def lowest_contacts(
-    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, note: bool, work: Work
-) -> tuple[int, float]:
+def lowest_contacts(site: Site, q: Array, note: bool) -> tuple[int, float]:
     """Search the lowest tread point of each wheel.
 
     Missing data and the map's edge are passed over: only known terrain counts.
 
     Args:
-        ground: terrain.
-        rover: (P_SIZE,) packed rover.
-        x, y: m, the body's origin from the map's first node.
-        cy, sy: cos and sin of yaw.
+        site: rover, position and terrain.
         q: (6,) pose.
-        note: True to replace the contacts of work.touch, False to leave them.
-        work: scratch; work.touch holds the contacts to start from, work.hub_offsets the steering.
+        note: True to replace the contacts of work.touch, from which the search starts; False to leave them.
 
     Returns:
         FOUND, OFF or BLANK (part of a tread lies off the map or over missing data), and the lowest gap, m; inf if a wheel
         has no known terrain under it, or (code -1) lies on its side.
     """
+    ground, rover, x, y, cy, sy, work = site
     if not forward_kinematics(rover, work.hub_offsets, x, y, cy, sy, q, work.axes, work.pivots, work.wheels):
         return -1, math.inf
     coverage, least, lowest = FOUND, math.inf, work.lowest
@@ -71,36 +65,31 @@ def near_margin(rover: Array) -> float:
 
 
 @njit
-def list_wheel(
-    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, i: int, kept: int, work: Work,
-    gap: Array, rows: Array, owner: NDArray[np.int64], count: int,
-) -> int:  # fmt: skip
+def list_wheel(site: Site, q: Array, i: int, kept: int, contacts: Contacts, count: int) -> int:
     """List the lowest contact of a wheel and those found beside it, without duplicates.
 
     Args:
-        ground: terrain.
-        rover: (P_SIZE,) packed rover.
-        x, y: m, the body's origin from the map's first node.
-        cy, sy: cos and sin of yaw.
-        q: (6,) pose at which `work` was filled.
+        site: rover, position and terrain.
+        q: (6,) pose at which the site's `work` was filled; work.touch[i] holds the lowest contact and its gap.
         i: wheel.
         kept: number of local minima in work.contacts.
-        work: scratch; work.touch[i] holds the lowest contact and its gap.
-        gap, rows, owner: lists as of `touch_down`.
+        contacts: the list.
         count: number of contacts listed so far.
 
     Returns:
         The new number of contacts.
     """
+    ground, rover, x, y, cy, sy, work = site
+    gap, rows, owner = contacts
     grid, _, meta = ground
-    w, contacts = work.wheels[i], work.contacts
+    w, minima = work.wheels[i], work.contacts
     low, sine, cosine, place = work.touch[i, GAP], work.touch[i, SIN], work.touch[i, COSINE], work.touch[i, PLACE]
     first = count
     for k in range(-1, kept):
         if k < 0:
             g, sp, cp, s = low, sine, cosine, place
         else:
-            g, sp, cp, s = contacts[k, GAP], contacts[k, SIN], contacts[k, COSINE], contacts[k, PLACE]
+            g, sp, cp, s = minima[k, GAP], minima[k, SIN], minima[k, COSINE], minima[k, PLACE]
             twin = (abs(sp - sine) + abs(cp - cosine)) * w[RADIUS] + abs(s - place) < 1e-6
             if twin:
                 continue
@@ -122,33 +111,28 @@ def list_wheel(
 
 
 @njit
-def list_contacts(
-    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, near: Array, points: int, work: Work,
-    gap: Array, rows: Array, owner: NDArray[np.int64],
-) -> int:  # fmt: skip
+def list_contacts(site: Site, q: Array, near: Array, points: int, contacts: Contacts) -> int:
     """List the near contacts of all wheels and of the body.
 
     Args:
-        ground: terrain.
-        rover: (P_SIZE,) packed rover.
-        x, y: m, the body's origin from the map's first node.
-        cy, sy: cos and sin of yaw.
+        site: rover, position and terrain.
         q: (6,) pose of the last call of `lowest_contacts`.
         near: (n, NEAR_SIZE) points of the body's box near the terrain.
         points: their number.
-        work: scratch as `lowest_contacts` left it.
-        gap, rows, owner: filled as `touch_down` fills them.
+        contacts: filled.
 
     Returns:
         Number of contacts listed.
     """
+    ground, rover, _, _, cy, sy, work = site
+    gap, rows, owner = contacts
     count, margin = 0, near_margin(rover)
     for i in range(6):
         t = work.touch[i]
         _, kept = least_gap(
             ground, work.wheels[i], t[SIN], t[COSINE], t[PLACE], True, t[GAP] + margin, work.lowest, work.contacts
         )
-        count = list_wheel(ground, rover, x, y, cy, sy, q, i, kept, work, gap, rows, owner, count)
+        count = list_wheel(site, q, i, kept, contacts, count)
     for k in range(points):
         gap_jacobian_row(
             rover, q, cy, sy, work.axes, work.pivots, 0, near[k, N_X], near[k, N_Y], near[k, N_Z], near[k, N_GX], near[k, N_GY],
@@ -161,21 +145,19 @@ def list_contacts(
 
 
 @njit
-def body_contacts(ground: Ground, rover: Array, x: float, y: float, q: Array, work: Work, near: Array) -> tuple[int, int, float]:
+def body_contacts(site: Site, q: Array, near: Array) -> tuple[int, int, float]:
     """List the points of the body's box near the terrain.
 
     Args:
-        ground: terrain.
-        rover: (P_SIZE,) packed rover.
-        x, y: m, the body's origin from the map's first node.
+        site: rover, position and terrain; its work.axes holds the body's directions.
         q: (6,) pose.
-        work: scratch; work.axes holds the body's directions.
         near: (NEAR_ROOM, NEAR_SIZE) filled.
 
     Returns:
         FOUND, OFF or BLANK as `box_over_ground`, the number of points listed, and the lowest gap, m; inf if none is listed.
     """
-    code, points = box_over_ground(ground, rover[P_BOX : P_BOX + 6], work.axes, x, y, q[Z], near_margin(rover), near)
+    box = site.rover[P_BOX : P_BOX + 6]
+    code, points = box_over_ground(site.ground, box, site.work.axes, site.x, site.y, q[Z], near_margin(site.rover), near)
     return code, points, least_clearance(near, points)
 
 
@@ -195,25 +177,16 @@ def shift_to_contact(q: Array, gap: Array, count: int, least: float) -> None:
 
 
 @njit
-def touch_down(
-    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, full: bool, work: Work,
-    gap: Array, rows: Array, owner: NDArray[np.int64],
-) -> tuple[int, int]:  # fmt: skip
+def touch_down(site: Site, q: Array, full: bool, contacts: Contacts) -> tuple[int, int]:
     """Shift q's z so that the rover just touches, and list its near contacts.
 
     Missing data and the map's edge are passed over: only known terrain is touched.
 
     Args:
-        ground: terrain.
-        rover: (P_SIZE,) packed rover.
-        x, y: m, the body's origin from the map's first node.
-        cy, sy: cos and sin of yaw.
+        site: rover, position and terrain.
         q: (6,) pose; its z is changed.
         full: if False only z is changed.
-        work: scratch; work.touch holds the contacts to start from, work.hub_offsets the steering.
-        gap: (LISTED,) filled with gaps, m.
-        rows: (LISTED, 6) filled with the change of each gap per unit of each unknown.
-        owner: (LISTED,) filled with the wheel, or 6 for the body.
+        contacts: room for LISTED contacts; filled.
 
     Returns:
         FOUND, OFF or BLANK (part of a tread or of the box lies off the map or over missing data), and the number of
@@ -221,10 +194,10 @@ def touch_down(
         -1 contacts if a wheel has no known terrain under it, or (code -1) lies on its side.
     """
     near = np.empty((NEAR_ROOM, NEAR_SIZE))
-    coverage, least = lowest_contacts(ground, rover, x, y, cy, sy, q, full, work)
+    coverage, least = lowest_contacts(site, q, full)
     if least == math.inf:
         return coverage, -1
-    code, points, clearance = body_contacts(ground, rover, x, y, q, work, near)
-    count = list_contacts(ground, rover, x, y, cy, sy, q, near, points, work, gap, rows, owner) if full else 0
-    shift_to_contact(q, gap, count, min(least, clearance))
+    code, points, clearance = body_contacts(site, q, near)
+    count = list_contacts(site, q, near, points, contacts) if full else 0
+    shift_to_contact(q, contacts.gap, count, min(least, clearance))
     return max(coverage, code), count

@@ -13,15 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit.decorators import njit
-from ..model.ground import Ground
 from ..model.linkage import BOGIE_L, P_BODY, P_BOGIE, P_BOGIE_PIVOT, P_PIVOT, P_ROCKER, P_STOPS, P_WHEEL, PITCH, ROCKER, ROLL, Z
 from ..model.mass import centre_of_mass
 from ..model.wheel import COSINE, PLACE, SIN
 from ..search.box_points import NEAR_ROOM, NEAR_SIZE
 from ..search.tread import FOUND
-from ..search.workspace import Work
 from .contact_set import body_contacts, list_contacts, lowest_contacts, shift_to_contact
 from .qp import solve_qp
+from .site import Contacts, Program, Site
 from .six_wheels import SixWheels, box_is_clear, leads_to
 
 Array = NDArray[np.float64]
@@ -36,9 +35,7 @@ FALLEN = 1.3  # rad of roll or pitch beyond which the rover has tipped over
 
 
 @njit
-def build_constraints(
-    rover: Array, q: Array, gap: Array, rows: Array, count: int, trust_radius: float, n: Array, b: Array
-) -> int:
+def build_constraints(rover: Array, q: Array, contacts: Contacts, count: int, trust_radius: float, program: Program) -> int:
     """Write the constraints n_k·d ≥ b_k of a step d.
 
     They are contacts, joint limits and the trust region.
@@ -46,16 +43,16 @@ def build_constraints(
     Args:
         rover: (P_SIZE,) packed rover.
         q: (6,) pose.
-        gap: (m,) gaps, m.
-        rows: (m, 6) their changes.
+        contacts: contacts and near contacts.
         count: number of contacts.
         trust_radius: largest change of an unknown; inf for none.
-        n: (k, 6) filled.
-        b: (k,) filled.
+        program: its n and b are filled.
 
     Returns:
         Number of constraints.
     """
+    gap, rows, _ = contacts
+    n, b = program.n, program.b
     m = count
     for k in range(count):
         for j in range(6):
@@ -136,9 +133,8 @@ def start_level(rover: Array, q: Array) -> None:
 
 @njit
 def find_step(
-    rover: Array, q: Array, slope: Array, gap: Array, rows: Array, count: int, resist: Array, pace: float,
-    n: Array, b: Array, inverse: Array, d: Array, force: Array,
-) -> tuple[float, float]:  # fmt: skip
+    rover: Array, q: Array, slope: Array, contacts: Contacts, count: int, resist: Array, pace: float, program: Program
+) -> tuple[float, float]:
     """Compute a step of the descent, implicit in time.
 
     It is shortened until no angle changes by more than `REACH`.
@@ -147,18 +143,16 @@ def find_step(
         rover: (P_SIZE,) packed rover.
         q: (6,) pose.
         slope: (6,) gradient of the height of the centre of mass.
-        gap, rows, count: contacts.
+        contacts, count: contacts and near contacts.
         resist: (6,) damping of each unknown.
         pace: length of the step in time.
-        n, b: scratch for the constraints.
-        inverse: (6, 6) scratch, zero off the diagonal.
-        d: (6,) filled with the step.
-        force: scratch.
+        program: scratch; its `inverse` is zero off the diagonal, its d is filled with the step.
 
     Returns:
         Largest change of an angle, rad, NaN if the program cannot be solved; length of the step in time.
     """
-    m = build_constraints(rover, q, gap, rows, count, math.inf, n, b)
+    n, b, inverse, d, force = program
+    m = build_constraints(rover, q, contacts, count, math.inf, program)
     size = math.inf
     while size > REACH:
         for k in range(6):
@@ -174,34 +168,28 @@ def find_step(
 
 
 @njit
-def let_down(
-    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, work: Work, six: SixWheels,
-    gap: Array, rows: Array, owner: NDArray[np.int64], n: Array, b: Array,
-) -> tuple[int, int]:  # fmt: skip
+def let_down(site: Site, q: Array, six: SixWheels, contacts: Contacts, program: Program) -> tuple[int, int]:
     """Compute a first equilibrium by quasi-static descent from above.
 
     The descent starts horizontal and with straight joints. It ends at the first pose from which it leads to the six-wheel
     equilibrium that is given.
 
     Args:
-        ground: terrain.
-        rover: (P_SIZE,) packed rover.
-        x, y: m, the body's origin from the map's first node.
-        cy, sy: cos and sin of yaw.
+        site: rover, position and terrain.
         q: (6,) filled with a pose near the equilibrium.
-        work: scratch; work.hub_offsets holds the steering.
         six: six-wheel equilibrium of this position; a share of 0 stands for none.
-        gap, rows, owner: filled with the near contacts there (`touch_down`).
-        n, b: scratch for the constraints of `build_constraints`.
+        contacts: filled with the near contacts there, as `touch_down` fills them.
+        program: scratch.
 
     Returns:
         Code and number of contacts as `touch_down`; -1 contacts with code -1 if the rover tips over; SIX_WHEELS and 0
         contacts if the descent leads to the six-wheel equilibrium.
     """
+    ground, rover, x, y, cy, sy, work = site
     hub_offsets, axes, pivots = work.hub_offsets, work.axes, work.pivots
-    force, near = np.empty(b.size), np.empty((NEAR_ROOM, NEAR_SIZE))
-    slope, trial, d, resist, inverse = np.empty(6), np.empty(6), np.empty(6), np.empty(6), np.zeros((6, 6))
-    next_slope = np.empty(6)
+    near = np.empty((NEAR_ROOM, NEAR_SIZE))
+    slope, next_slope, trial, resist = np.empty(6), np.empty(6), np.empty(6), np.empty(6)
+    program.inverse[:] = 0.0
     start_level(rover, trial)
     for i in range(6):
         work.touch[i, SIN], work.touch[i, COSINE], work.touch[i, PLACE] = 0.0, 1.0, 0.0
@@ -211,14 +199,14 @@ def let_down(
     height, predicted_decrease, size = math.inf, 0.0, 0.0
     code, count, points, above = FOUND, -1, 0, 0.0
     for _ in range(STEPS + 1):
-        there, least = lowest_contacts(ground, rover, x, y, cy, sy, trial, True, work)
+        there, least = lowest_contacts(site, trial, True)
         if least < math.inf:
             centre = centre_of_mass(rover, hub_offsets, trial, cy, sy, axes, pivots, next_slope)
             if six.share[0] > 0.0 and there == FOUND and box_is_clear(ground, rover, axes, x, y, trial[Z] - least):
                 fell = height - (trial[Z] - least) - centre
-                if fell > 0.5 * predicted_decrease and leads_to(ground, rover, x, y, cy, sy, trial, next_slope, work, six):
+                if fell > 0.5 * predicted_decrease and leads_to(site, trial, next_slope, six):
                     return SIX_WHEELS, 0
-            box, points, clearance = body_contacts(ground, rover, x, y, trial, work, near)
+            box, points, clearance = body_contacts(site, trial, near)
             there, least, above = max(there, box), min(least, clearance), trial[Z]
             trial[Z] -= least
             fell = height - trial[Z] - centre
@@ -235,17 +223,17 @@ def let_down(
                 return -1, -1
             height = trial[Z] + centre if count < 0 else height - fell
             trial[Z] = above
-            count = list_contacts(ground, rover, x, y, cy, sy, trial, near, points, work, gap, rows, owner)
+            count = list_contacts(site, trial, near, points, contacts)
             code = there
-            shift_to_contact(trial, gap, count, least)
+            shift_to_contact(trial, contacts.gap, count, least)
             q[:], slope[:] = trial, next_slope
             if fell < math.inf and fell > 0.8 * predicted_decrease:
                 pace = min(2.0 * pace, longest)
-        size, pace = find_step(rover, q, slope, gap, rows, count, resist, pace, n, b, inverse, d, force)
+        size, pace = find_step(rover, q, slope, contacts, count, resist, pace, program)
         if math.isnan(size) or (pace >= longest and size < SLOW):
             break
         predicted_decrease = 0.0
         for k in range(6):
-            predicted_decrease -= slope[k] * d[k]
-            trial[k] = q[k] + d[k]
+            predicted_decrease -= slope[k] * program.d[k]
+            trial[k] = q[k] + program.d[k]
     return code, count

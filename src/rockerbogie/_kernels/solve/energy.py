@@ -13,18 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit.decorators import inlined, njit
-from ..model.ground import Ground
 from ..model.linkage import PITCH, ROLL, Z, forward_kinematics
 from ..model.mass import centre_of_mass
 from ..model.tolerances import MAX_RESIDUAL, MIN_ENERGY_DECREASE
 from ..search.tread import BLANK, FOUND
-from ..search.workspace import Work
 from .contact_set import LISTED, touch_down
 from .descent import FALLEN, build_constraints
 from .forces import classify_equilibrium, contact_forces
 from .hessian import bfgs_update, reset_hessian
 from .newton import NO_DATA, NOT_CONVERGED, OFF_MAP, TIPPED
 from .qp import invert, solve_qp
+from .site import Contacts, Program, Site, new_contacts
 
 Array = NDArray[np.float64]
 
@@ -38,8 +37,8 @@ CONSTRAINTS = ROWS + 6 + 12
 
 @inlined
 def solve_step(
-    rover: Array, q: Array, slope: Array, hessian: Array, gap: Array, rows: Array, count: int, trust_radius: float,
-    copy: Array, inverse: Array, n: Array, b: Array, d: Array, force: Array,
+    rover: Array, q: Array, slope: Array, hessian: Array, contacts: Contacts, count: int, trust_radius: float,
+    copy: Array, program: Program,
 ) -> bool:  # fmt: skip
     """Solve for the step to the minimum of the quadratic model of the energy.
 
@@ -48,16 +47,16 @@ def solve_step(
         q: (6,) pose.
         slope: (6,) gradient of the energy.
         hessian: (6, 6) its curvature.
-        gap, rows, count: near contacts.
+        contacts, count: near contacts.
         trust_radius: largest change of an unknown, m or rad.
-        copy, inverse, n, b: scratch.
-        d: (6,) filled with the step.
-        force: (CONSTRAINTS,) filled with the multipliers.
+        copy: (6, 6) scratch.
+        program: scratch; filled with the step and the multipliers.
 
     Returns:
         False if the Hessian is not positive definite or the program fails.
     """
-    m = build_constraints(rover, q, gap, rows, count, trust_radius, n, b)
+    n, b, inverse, d, force = program
+    m = build_constraints(rover, q, contacts, count, trust_radius, program)
     copy[:] = hessian
     return invert(copy, inverse) and solve_qp(inverse, slope, n, b, m, d, force)
 
@@ -78,16 +77,17 @@ def predict(slope: Array, d: Array) -> tuple[float, float]:
 
 
 @njit
-def multipliers(slope: Array, rows: Array, owner: NDArray[np.int64], force: Array, count: int, pull: Array, load: Array) -> None:
+def multipliers(slope: Array, contacts: Contacts, force: Array, count: int, pull: Array, load: Array) -> None:
     """Compute the gradient of the Lagrangian, and the load of each wheel and of the body.
 
     Args:
         slope: (6,) gradient of the energy.
-        rows, owner, count: near contacts.
+        contacts, count: near contacts.
         force: (count,) their forces.
         pull: (6,) filled with the gradient.
         load: (7,) filled with the sums.
     """
+    _, rows, owner = contacts
     for k in range(6):
         pull[k] = slope[k]
         for j in range(count):
@@ -99,19 +99,18 @@ def multipliers(slope: Array, rows: Array, owner: NDArray[np.int64], force: Arra
 
 
 @njit
-def gradient_under_loads(
-    slope: Array, gap: Array, rows: Array, owner: NDArray[np.int64], count: int, load: Array, pull: Array
-) -> None:
+def gradient_under_loads(slope: Array, contacts: Contacts, count: int, load: Array, pull: Array) -> None:
     """Compute the gradient of the Lagrangian under given loads.
 
     Each load acts at the lowest contact of its wheel or of the body.
 
     Args:
         slope: (6,) gradient of the energy.
-        gap, rows, owner, count: near contacts.
+        contacts, count: near contacts.
         load: (7,) forces on the wheels and on the body.
         pull: (6,) filled.
     """
+    gap, rows, owner = contacts
     for k in range(6):
         pull[k] = slope[k]
     for i in range(7):
@@ -125,83 +124,75 @@ def gradient_under_loads(
 
 
 @njit
-def add_cuts(
-    gap: Array, rows: Array, owner: NDArray[np.int64], found: int, d: Array, lift: float, limit: float,
-    cut_gap: Array, cut_rows: Array, cut_owner: NDArray[np.int64], cuts: int,
-) -> int:  # fmt: skip
+def add_cuts(contacts: Contacts, found: int, d: Array, lift: float, limit: float, cuts: Contacts, count: int) -> int:
     """Add the contacts that a step would push into the terrain to the cuts.
 
     Args:
-        gap, rows, owner, found: near contacts at the end of the step.
+        contacts, found: near contacts at the end of the step, and their number.
         d: (6,) step.
         lift: m, height of the step's end above the pose that touches there.
         limit: m, negative: gaps below it are cuts.
-        cut_gap, cut_rows, cut_owner: the cuts, as seen from the start of the step; written.
-        cuts: number of cuts so far.
+        cuts: the cuts, as seen from the start of the step; written.
+        count: number of cuts so far.
 
     Returns:
         The new number of cuts.
     """
+    gap, rows, owner = contacts
+    cut_gap, cut_rows, cut_owner = cuts
     for k in range(found):
-        if gap[k] + lift < limit and cuts < CUTS:
-            cut_gap[cuts] = gap[k] + lift
+        if gap[k] + lift < limit and count < CUTS:
+            cut_gap[count] = gap[k] + lift
             for j in range(6):
-                cut_gap[cuts] -= rows[k, j] * d[j]
-                cut_rows[cuts, j] = rows[k, j]
-            cut_gap[cuts] = max(cut_gap[cuts], 0.0)
-            cut_owner[cuts] = owner[k]
-            cuts += 1
-    return cuts
+                cut_gap[count] -= rows[k, j] * d[j]
+                cut_rows[count, j] = rows[k, j]
+            cut_gap[count] = max(cut_gap[count], 0.0)
+            cut_owner[count] = owner[k]
+            count += 1
+    return count
 
 
 @inlined
-def append_cuts(
-    cut_gap: Array, cut_rows: Array, cut_owner: NDArray[np.int64], cuts: int,
-    gap: Array, rows: Array, owner: NDArray[np.int64], count: int,
-) -> int:  # fmt: skip
+def append_cuts(cuts: Contacts, cut: int, contacts: Contacts, count: int) -> int:
     """Append the cuts to the near contacts.
 
     Args:
-        cut_gap, cut_rows, cut_owner, cuts: the cuts and their number.
-        gap, rows, owner: near contacts; written.
+        cuts, cut: the cuts and their number.
+        contacts: near contacts; written.
         count: number of near contacts.
 
     Returns:
         The new number of near contacts.
     """
-    for k in range(cuts):
-        gap[count], rows[count], owner[count] = cut_gap[k], cut_rows[k], cut_owner[k]
+    gap, rows, owner = contacts
+    for k in range(cut):
+        gap[count], rows[count], owner[count] = cuts.gap[k], cuts.rows[k], cuts.owner[k]
         count += 1
     return count
 
 
 @njit
-def minimize_energy(
-    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, report: Array, work: Work,
-    gap: Array, rows: Array, owner: NDArray[np.int64], n: Array, b: Array, count: int, coverage: int,
-) -> int:  # fmt: skip
+def minimize_energy(site: Site, q: Array, report: Array, contacts: Contacts, count: int, coverage: int, program: Program) -> int:
     """Move q to a minimum of the potential energy and compute the contact forces.
 
     Args:
-        ground: the packed terrain (ground.Ground).
-        rover: (P_SIZE,) the packed rover.
-        x, y: position of the body's reference point from the first grid node, m.
-        cy, sy: cosine and sine of the heading.
+        site: rover, position and terrain.
         q: (6,) a pose that just touches, replaced by the equilibrium, m and rad; NaN on failure.
         report: (R_SIZE,) forces and flags; written, NaN on failure.
-        work: scratch memory; work.hub_offsets holds the steering.
-        gap, rows, owner: (ROWS,), (ROWS, 6), (ROWS,) the contacts of q as `touch_down` lists them; overwritten.
-        n, b: (CONSTRAINTS, 6), (CONSTRAINTS,) scratch for the constraints.
+        contacts: room for ROWS contacts; those of q as `touch_down` lists them; overwritten.
         count: number of contacts listed.
         coverage: FOUND, or OFF or BLANK if the map's edge or missing data lies under q.
+        program: scratch for CONSTRAINTS constraints.
 
     Returns:
         Status code as `settle_equilibrium`.
     """
+    _, rover, x, y, cy, sy, work = site
     hub_offsets, axes, pivots = work.hub_offsets, work.axes, work.pivots
-    force = np.zeros(CONSTRAINTS)
-    slope, trial, d = np.empty(6), np.empty(6), np.empty(6)
-    hessian, inverse, copy = np.zeros((6, 6)), np.empty((6, 6)), np.empty((6, 6))
+    d, force = program.d, program.force
+    force[:] = 0.0
+    slope, trial = np.empty(6), np.empty(6)
+    hessian, copy = np.zeros((6, 6)), np.empty((6, 6))
     old_pull, pull, moved, load = np.empty(6), np.empty(6), np.empty(6), np.empty(7)
     report[:] = math.nan
     forward_kinematics(rover, hub_offsets, x, y, cy, sy, q, axes, pivots, work.wheels)
@@ -209,10 +200,10 @@ def minimize_energy(
     reset_hessian(hessian)
     trust_radius = TRUST
     blocked_by = FOUND  # OFF or BLANK if the map's edge or missing data stopped a step
-    cut_gap, cut_rows, cut_owner = np.empty(CUTS), np.empty((CUTS, 6)), np.empty(CUTS, np.int64)
-    listed, cuts, farthest_cut = count, 0, 0.0
+    cuts = new_contacts(CUTS)
+    listed, cut, farthest_cut = count, 0, 0.0
     for _ in range(PROGRAMS):
-        if not solve_step(rover, q, slope, hessian, gap, rows, count, trust_radius, copy, inverse, n, b, d, force):
+        if not solve_step(rover, q, slope, hessian, contacts, count, trust_radius, copy, program):
             reset_hessian(hessian)  # the Hessian is not positive definite
             trust_radius *= 0.25
             if trust_radius < 1e-9:
@@ -220,43 +211,43 @@ def minimize_energy(
             continue
         predicted_decrease, size = predict(slope, d)
         small = predicted_decrease < MIN_ENERGY_DECREASE and size < 1e-6
-        if small and cuts > 0 and farthest_cut > 1e-6:  # held by contacts met farther off: search again with a smaller region
+        if small and cut > 0 and farthest_cut > 1e-6:  # held by contacts met farther off: search again with a smaller region
             trust_radius = 0.3 * farthest_cut
-            count, cuts, farthest_cut = listed, 0, 0.0
+            count, cut, farthest_cut = listed, 0, 0.0
             continue
         if small or trust_radius < 1e-10:
-            if contact_forces(rover, q, slope, gap, rows, count, inverse, n, b, d, force) < MAX_RESIDUAL:
+            if contact_forces(rover, q, slope, contacts, count, program) < MAX_RESIDUAL:
                 if coverage == FOUND:
-                    return classify_equilibrium(rover, q, gap, owner, force, count, report)
+                    return classify_equilibrium(rover, q, contacts, force, count, report)
                 blocked_by = coverage
                 break
             # not an equilibrium: kinks entered the Hessian as curvature and stopped the search; continue with a new one
             reset_hessian(hessian)
             trust_radius = 0.1 * TRUST
-            count, cuts, farthest_cut = listed, 0, 0.0
+            count, cut, farthest_cut = listed, 0, 0.0
             continue
         for k in range(6):
             trial[k] = q[k] + d[k]
-        multipliers(slope, rows, owner, force, count, old_pull, load)
-        code, found = touch_down(ground, rover, x, y, cy, sy, trial, False, work, gap, rows, owner)
+        multipliers(slope, contacts, force, count, old_pull, load)
+        code, found = touch_down(site, trial, False, contacts)
         new = math.inf
         if found >= 0:
             new = trial[Z] + centre_of_mass(rover, hub_offsets, trial, cy, sy, axes, pivots, pull)
         else:
             blocked_by = code
         if not new < height - 1e-4 * predicted_decrease + 1e-15:
-            before = cuts
+            before = cut
             if found >= 0:  # the contacts met join the program: past a kink the wheel has another slope
                 lift, limit = q[Z] + d[Z] - trial[Z], -0.1 * predicted_decrease
-                _, found = touch_down(ground, rover, x, y, cy, sy, trial, True, work, gap, rows, owner)
-                cuts = add_cuts(gap, rows, owner, found, d, lift, limit, cut_gap, cut_rows, cut_owner, cuts)
+                _, found = touch_down(site, trial, True, contacts)
+                cut = add_cuts(contacts, found, d, lift, limit, cuts, cut)
             farthest_cut = max(farthest_cut, size)
-            if before > 0 or cuts == 0:
+            if before > 0 or cut == 0:
                 trust_radius = 0.25 * min(trust_radius, size)
             # the pose is unchanged: list its contacts again
-            _, listed = touch_down(ground, rover, x, y, cy, sy, q, True, work, gap, rows, owner)
+            _, listed = touch_down(site, q, True, contacts)
             height = q[Z] + centre_of_mass(rover, hub_offsets, q, cy, sy, axes, pivots, slope)
-            count = append_cuts(cut_gap, cut_rows, cut_owner, cuts, gap, rows, owner, listed)
+            count = append_cuts(cuts, cut, contacts, listed)
             continue
         if height - new > 0.5 * predicted_decrease and size > 0.9 * trust_radius:
             trust_radius = min(2.0 * trust_radius, WIDEST)
@@ -266,10 +257,10 @@ def minimize_energy(
         if max(abs(q[ROLL]), abs(q[PITCH])) > FALLEN:
             q[:] = math.nan
             return TIPPED
-        coverage, count = touch_down(ground, rover, x, y, cy, sy, q, True, work, gap, rows, owner)
+        coverage, count = touch_down(site, q, True, contacts)
         height = q[Z] + centre_of_mass(rover, hub_offsets, q, cy, sy, axes, pivots, slope)
-        listed, cuts, farthest_cut = count, 0, 0.0
-        gradient_under_loads(slope, gap, rows, owner, count, load, pull)
+        listed, cut, farthest_cut = count, 0, 0.0
+        gradient_under_loads(slope, contacts, count, load, pull)
         bfgs_update(hessian, moved, pull, old_pull)
     q[:] = math.nan
     return NO_DATA if blocked_by == BLANK else (OFF_MAP if blocked_by > 0 else NOT_CONVERGED)

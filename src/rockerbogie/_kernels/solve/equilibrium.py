@@ -20,124 +20,102 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit.decorators import inlined, njit
-from ..model.ground import Ground
 from ..model.linkage import P_STOPS, PITCH, ROCKER, ROLL, Z
 from ..model.tolerances import MAX_RESIDUAL
 from ..model.wheel import COSINE, PLACE, SIN
 from ..search.tread import BLANK
-from ..search.workspace import Work
 from .contact_set import touch_down
 from .descent import FALLEN, SIX_WHEELS, let_down, start_level
 from .energy import CONSTRAINTS, ROWS, minimize_energy
 from .forces import classify_equilibrium, contact_forces
 from .newton import CONVERGED, NO_DATA, OFF_MAP, TIPPED
+from .site import Contacts, Program, Site, new_contacts, new_program
 from .six_wheels import SixWheels, leads_straight, list_six
 
 Array = NDArray[np.float64]
 
 
 @njit
-def find_six_wheels(
-    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, report: Array, work: Work, six: SixWheels,
-    gap: Array, rows: Array, owner: NDArray[np.int64], n: Array, b: Array,
-) -> None:  # fmt: skip
+def find_six_wheels(site: Site, report: Array, six: SixWheels, contacts: Contacts, program: Program) -> None:
     """Check the balance of the pose of contact mode, and write its report.
 
     Args:
-        ground: the packed terrain (ground.Ground).
-        rover: (P_SIZE,) the packed rover.
-        x, y: position of the body's reference point from the first grid node, m.
-        cy, sy: cosine and sine of the heading.
+        site: rover, position and terrain.
         report: (R_SIZE,) forces and flags; written if the pose is in balance.
-        work: scratch memory; work.hub_offsets holds the steering.
         six: six.q holds the pose, NaN for none; six.share is 0 afterwards if it is not in balance.
-        gap, rows, owner, n, b: scratch.
+        contacts, program: scratch.
     """
     six.share[0] = 0.0
     if math.isnan(six.q[Z]):
         return
-    slope, d, inverse, force = np.empty(6), np.empty(6), np.empty((6, 6)), np.zeros(CONSTRAINTS)
-    count = list_six(ground, rover, x, y, cy, sy, work, six, gap, rows, owner, slope, force)
+    rover, slope, force = site.rover, np.empty(6), program.force
+    count = list_six(site, six, contacts, slope, force)
     if six.share[0] > 0.0:
         # more than one contact a wheel: the forces are those of the program, as in any other equilibrium
-        if count > 6 and not contact_forces(rover, six.q, slope, gap, rows, count, inverse, n, b, d, force) < MAX_RESIDUAL:
+        if count > 6 and not contact_forces(rover, six.q, slope, contacts, count, program) < MAX_RESIDUAL:
             six.share[0] = 0.0
-        classify_equilibrium(rover, six.q, gap, owner, force, count, report)
+        classify_equilibrium(rover, six.q, contacts, force, count, report)
 
 
 @njit
-def settle_equilibrium(
-    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, report: Array, work: Work, six: SixWheels
-) -> int:
+def settle_equilibrium(site: Site, q: Array, report: Array, six: SixWheels) -> int:
     """Compute the equilibrium that the rover reaches on the descent from above.
 
     The descent starts horizontal and with straight joints. If the pose of contact mode is given and in balance, and the
     descent leads to it, it is the equilibrium.
 
     Args:
-        ground: the packed terrain (ground.Ground).
-        rover: (P_SIZE,) the packed rover.
-        x, y: position of the body's reference point from the first grid node, m.
-        cy, sy: cosine and sine of the heading.
+        site: rover, position and terrain.
         q: (6,) z, roll, pitch, rocker and both bogies, m and rad; written, NaN on failure.
         report: (R_SIZE,) forces and flags; written, NaN on failure.
-        work: scratch memory; work.hub_offsets holds the steering.
         six: scratch; six.q holds the pose of contact mode, NaN for none.
 
     Returns:
         Status code: CONVERGED, JOINT_STOP, WHEEL_LIFTED or BELLY_CONTACT at an equilibrium; otherwise OFF_MAP, NO_DATA,
         TIPPED or NOT_CONVERGED.
     """
-    gap, rows, owner = np.empty(ROWS), np.empty((ROWS, 6)), np.empty(ROWS, np.int64)
-    n, b = np.empty((CONSTRAINTS, 6)), np.empty(CONSTRAINTS)
-    find_six_wheels(ground, rover, x, y, cy, sy, report, work, six, gap, rows, owner, n, b)
+    contacts, program = new_contacts(ROWS), new_program(CONSTRAINTS)
+    find_six_wheels(site, report, six, contacts, program)
     if six.share[0] > 0.0:
-        start_level(rover, q)
-        if leads_straight(ground, rover, x, y, cy, sy, q, work, six):
+        start_level(site.rover, q)
+        if leads_straight(site, q, six):
             q[:] = six.q
             return CONVERGED
-    code, count = let_down(ground, rover, x, y, cy, sy, q, work, six, gap, rows, owner, n, b)
+    code, count = let_down(site, q, six, contacts, program)
     if code == SIX_WHEELS:
         q[:] = six.q
         return CONVERGED
     if count < 0:
         return refuse(code, q, report)
-    return minimize_energy(ground, rover, x, y, cy, sy, q, report, work, gap, rows, owner, n, b, count, code)
+    return minimize_energy(site, q, report, contacts, count, code, program)
 
 
 @njit
-def settle_from_pose(
-    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, report: Array, work: Work
-) -> int:
+def settle_from_pose(site: Site, q: Array, report: Array) -> int:
     """Compute the equilibrium that the exact solve reaches from a given pose.
 
     A joint beyond its limit starts at the limit. z is shifted so that the rover just touches the terrain.
 
     Args:
-        ground: the packed terrain (ground.Ground).
-        rover: (P_SIZE,) the packed rover.
-        x, y: position of the body's reference point from the first grid node, m.
-        cy, sy: cosine and sine of the heading.
+        site: rover, position and terrain.
         q: (6,) the start pose, replaced by the equilibrium, m and rad; NaN on failure.
         report: (R_SIZE,) forces and flags; written, NaN on failure.
-        work: scratch memory; work.hub_offsets holds the steering.
 
     Returns:
         Status code as `settle_equilibrium`; TIPPED also if the start pose is tipped over.
     """
-    gap, rows, owner = np.empty(ROWS), np.empty((ROWS, 6)), np.empty(ROWS, np.int64)
-    n, b = np.empty((CONSTRAINTS, 6)), np.empty(CONSTRAINTS)
+    rover, touch, contacts, program = site.rover, site.work.touch, new_contacts(ROWS), new_program(CONSTRAINTS)
     code, count = -1, -1
     if max(abs(q[ROLL]), abs(q[PITCH])) <= FALLEN:
         for i in range(6):
-            work.touch[i, SIN], work.touch[i, COSINE], work.touch[i, PLACE] = 0.0, 1.0, 0.0
+            touch[i, SIN], touch[i, COSINE], touch[i, PLACE] = 0.0, 1.0, 0.0
         for k in range(3):
             at = P_STOPS if k == 0 else P_STOPS + 2
             q[ROCKER + k] = min(max(q[ROCKER + k], rover[at]), rover[at + 1])
-        code, count = touch_down(ground, rover, x, y, cy, sy, q, True, work, gap, rows, owner)
+        code, count = touch_down(site, q, True, contacts)
     if count < 0:
         return refuse(code, q, report)
-    return minimize_energy(ground, rover, x, y, cy, sy, q, report, work, gap, rows, owner, n, b, count, code)
+    return minimize_energy(site, q, report, contacts, count, code, program)
 
 
 @inlined

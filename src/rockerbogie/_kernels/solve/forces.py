@@ -15,6 +15,7 @@ from ..model.linkage import P_STOPS, ROCKER
 from ..model.tolerances import CONTACT_GAP, LIMIT_MARGIN
 from .newton import BELLY_CONTACT, CONVERGED, JOINT_STOP, WHEEL_LIFTED
 from .qp import solve_qp
+from .site import Contacts, Program
 
 Array = NDArray[np.float64]
 
@@ -27,19 +28,7 @@ R_SIZE = 16
 
 
 @njit
-def contact_forces(
-    rover: Array,
-    q: Array,
-    slope: Array,
-    gap: Array,
-    rows: Array,
-    count: int,
-    inverse: Array,
-    n: Array,
-    b: Array,
-    d: Array,
-    force: Array,
-) -> float:
+def contact_forces(rover: Array, q: Array, slope: Array, contacts: Contacts, count: int, program: Program) -> float:
     """Compute the contact forces that balance the weight best.
 
     None is negative; joint limits take part. A joint within `LIMIT_MARGIN` of its limit is moved to it.
@@ -48,14 +37,15 @@ def contact_forces(
         rover: (P_SIZE,) packed rover.
         q: (6,) pose; joints may be moved to their limits.
         slope: (6,) gradient of the energy.
-        gap, rows: (count,), (count, 6) contacts; those up to CONTACT_GAP bear.
+        contacts: those with a gap up to CONTACT_GAP bear.
         count: number of contacts.
-        inverse, n, b, d: scratch.
-        force: (count,) filled, divided by the weight.
+        program: scratch; its first `count` forces are filled, divided by the weight.
 
     Returns:
         The largest component of the residual, 0 at an equilibrium; inf if the program fails.
     """
+    gap, rows, _ = contacts
+    n, b, inverse, d, force = program
     bearing = 0
     for k in range(count):
         if gap[k] <= CONTACT_GAP:
@@ -107,21 +97,21 @@ def add_limits(rover: Array, q: Array, n: Array, b: Array, count: int) -> int:
 
 
 @njit
-def classify_equilibrium(
-    rover: Array, q: Array, gap: Array, owner: NDArray[np.int64], force: Array, count: int, report: Array
-) -> int:
+def classify_equilibrium(rover: Array, q: Array, contacts: Contacts, force: Array, count: int, report: Array) -> int:
     """Write forces and flags of an equilibrium, and return its status.
 
     Args:
         rover: (P_SIZE,) packed rover.
         q: (6,) pose.
-        gap, owner, force: (count,) contacts: gap, m, wheel (6: body), force divided by the weight.
+        contacts: the contacts.
+        force: (count,) their forces divided by the weight.
         count: number of contacts.
         report: (R_SIZE,) filled.
 
     Returns:
         Status code: BELLY_CONTACT, WHEEL_LIFTED, JOINT_STOP or CONVERGED, the first that holds.
     """
+    gap, _, owner = contacts
     report[:] = 0.0
     for i in range(6):
         report[R_LIFTED + i] = 1.0

@@ -29,9 +29,9 @@ from ..model.wheel import AX, AY, AZ, COSINE, GAP, HX, HY, HZ, PLACE, SIN, conta
 from ..search.body_box import box_over_ground
 from ..search.box_points import NEAR_ROOM, NEAR_SIZE, least_clearance
 from ..search.tread import FOUND, least_gap
-from ..search.workspace import Work
 from .contact_set import list_wheel, lowest_contacts
 from .newton import solve_linkage
+from .site import Contacts, Site
 
 Array = NDArray[np.float64]
 
@@ -73,21 +73,16 @@ def lay_out_six(buffer: Array) -> SixWheels:
 
 
 @njit
-def describe_wheels(
-    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, work: Work, wheels: Array, rows: Array
-) -> None:
+def describe_wheels(site: Site, q: Array, wheels: Array, rows: Array) -> None:
     """Write the wheels of a pose, the planes at their contacts, and the changes of their gaps.
 
     Args:
-        ground: terrain.
-        rover: (P_SIZE,) packed rover.
-        x, y: m, the body's origin from the map's first node.
-        cy, sy: cos and sin of yaw.
-        q: (6,) pose.
-        work: scratch; work.wheels and work.touch hold the wheels and their lowest contacts at q.
+        site: rover, position and terrain.
+        q: (6,) pose; work.wheels and work.touch of the site hold its wheels and their lowest contacts.
         wheels: (6, W_SIZE) filled.
         rows: (6, 6) filled.
     """
+    ground, rover, x, y, cy, sy, work = site
     grid, _, meta = ground
     for i in range(6):
         w, t, out = work.wheels[i], work.touch[i], wheels[i]
@@ -226,27 +221,21 @@ def within_stops(rover: Array, q: Array) -> bool:
 
 
 @njit
-def list_six(
-    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, work: Work, six: SixWheels,
-    gap: Array, rows: Array, owner: NDArray[np.int64], slope: Array, force: Array,
-) -> int:  # fmt: skip
+def list_six(site: Site, six: SixWheels, contacts: Contacts, slope: Array, force: Array) -> int:
     """List the contacts of a pose of contact mode, and compute the forces of the lowest.
 
     Args:
-        ground: terrain.
-        rover: (P_SIZE,) packed rover.
-        x, y: m, the body's origin from the map's first node.
-        cy, sy: cos and sin of yaw.
-        work: scratch; work.hub_offsets holds the steering.
+        site: rover, position and terrain.
         six: six.q holds the pose; it is refined by a Newton step. The wheels and the share are written: the
             share is 0 if the pose is not an equilibrium on six wheels.
-        gap, rows, owner: filled with the contacts, as `contact_set.touch_down` fills them.
+        contacts: filled as `contact_set.touch_down` fills them.
         slope: (6,) filled with the gradient of the height of the centre of mass.
         force: (n,) filled with six forces.
 
     Returns:
         Number of contacts listed.
     """
+    ground, rover, x, y, cy, sy, work = site
     q, touch, axes, pivots = six.q, work.touch, work.axes, work.pivots
     six.share[0] = 0.0
     if not (within_stops(rover, q) and forward_kinematics(rover, work.hub_offsets, x, y, cy, sy, q, axes, pivots, work.wheels)):
@@ -258,10 +247,10 @@ def list_six(
         if code != FOUND or not abs(t[GAP]) < CONTACT_GAP:
             return 0
         least = min(least, t[GAP])
-        count = list_wheel(ground, rover, x, y, cy, sy, q, i, kept, work, gap, rows, owner, count)
+        count = list_wheel(site, q, i, kept, contacts, count)
     if not box_off_ground(ground, rover, axes, x, y, q[Z] - least):
         return 0
-    describe_wheels(ground, rover, x, y, cy, sy, q, work, six.wheels, six.rows)
+    describe_wheels(site, q, six.wheels, six.rows)
     for i in range(6):
         work.step[i] = -touch[i, GAP]
     if not solve_linkage(six.rows, work.step):  # one more Newton step: six gaps of 0 within rounding
@@ -269,7 +258,7 @@ def list_six(
     for e in range(6):
         q[e] += work.step[e]
         for k in range(count):
-            gap[k] += rows[k, e] * work.step[e]
+            contacts.gap[k] += contacts.rows[k, e] * work.step[e]
     centre_of_mass(rover, work.hub_offsets, q, cy, sy, axes, pivots, slope)
     share = wheel_shares(six.rows, slope, force)
     six.share[0] = share if share > LEAST_SHARE else 0.0
@@ -296,86 +285,70 @@ def is_flat(rover: Array, a: Array, b: Array, share: float) -> bool:
 
 
 @njit
-def describe_pose(
-    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, work: Work, wheels: Array, rows: Array
-) -> float:
+def describe_pose(site: Site, q: Array, wheels: Array, rows: Array) -> float:
     """Write the wheels of a pose, and compute the smallest of six forces that balance there.
 
     Args:
-        ground: terrain.
-        rover: (P_SIZE,) packed rover.
-        x, y: m, the body's origin from the map's first node.
-        cy, sy: cos and sin of yaw.
+        site: rover, position and terrain.
         q: (6,) pose; z has no effect.
-        work: scratch; work.touch holds the contacts to start from, work.hub_offsets the steering.
         wheels: (6, W_SIZE) filled.
         rows: (6, 6) scratch.
 
     Returns:
         The force divided by the weight; 0 if a wheel or the body is not surely above known terrain.
     """
+    ground, rover, x, y, cy, sy, work = site
     slope, share = np.empty(6), np.empty(6)
-    code, least = lowest_contacts(ground, rover, x, y, cy, sy, q, True, work)
+    code, least = lowest_contacts(site, q, True)
     if code != FOUND or not box_is_clear(ground, rover, work.axes, x, y, q[Z] - least):
         return 0.0
-    describe_wheels(ground, rover, x, y, cy, sy, q, work, wheels, rows)
+    describe_wheels(site, q, wheels, rows)
     centre_of_mass(rover, work.hub_offsets, q, cy, sy, work.axes, work.pivots, slope)
     return wheel_shares(rows, slope, share)
 
 
 @njit
-def leads_straight(
-    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, work: Work, six: SixWheels
-) -> bool:
+def leads_straight(site: Site, q: Array, six: SixWheels) -> bool:
     """Return True if the descent leads from its start to the six-wheel equilibrium.
 
     The start and the pose halfway are compared with it.
 
     Args:
-        ground: terrain.
-        rover: (P_SIZE,) packed rover.
-        x, y: m, the body's origin from the map's first node.
-        cy, sy: cos and sin of yaw.
+        site: rover, position and terrain.
         q: (6,) start of the descent; overwritten.
-        work: scratch; work.touch holds the contacts to start from, work.hub_offsets the steering.
         six: the six-wheel equilibrium.
     """
+    rover = site.rover
     for k in range(1, 6):
         if not abs(q[k] - six.q[k]) < FARTHEST:
             return False
-    share = min(six.share[0], describe_pose(ground, rover, x, y, cy, sy, q, work, six.here, six.rows))
+    share = min(six.share[0], describe_pose(site, q, six.here, six.rows))
     if not share > LEAST_SHARE:
         return False
     if is_flat(rover, six.here, six.wheels, share):
         return True
     for k in range(6):
         q[k] = 0.5 * (q[k] + six.q[k])
-    share = min(share, describe_pose(ground, rover, x, y, cy, sy, q, work, six.midway, six.rows))
+    share = min(share, describe_pose(site, q, six.midway, six.rows))
     if not share > LEAST_SHARE:
         return False
     return is_flat(rover, six.here, six.midway, 0.5 * share) and is_flat(rover, six.midway, six.wheels, 0.5 * share)
 
 
 @njit
-def leads_to(
-    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, slope: Array, work: Work, six: SixWheels
-) -> bool:
+def leads_to(site: Site, q: Array, slope: Array, six: SixWheels) -> bool:
     """Return True if the descent leads from a pose to the six-wheel equilibrium.
 
     Args:
-        ground: terrain.
-        rover: (P_SIZE,) packed rover.
-        x, y: m, the body's origin from the map's first node.
-        cy, sy: cos and sin of yaw.
+        site: rover, position and terrain.
         q: (6,) pose of the last call of `contact_set.lowest_contacts`, z included.
         slope: (6,) gradient of the height of the centre of mass there.
-        work: scratch as `lowest_contacts` left it.
         six: the six-wheel equilibrium.
     """
     for k in range(1, 6):
         if not abs(q[k] - six.q[k]) < FARTHEST:
             return False
-    describe_wheels(ground, rover, x, y, cy, sy, q, work, six.here, six.rows)
+    describe_wheels(site, q, six.here, six.rows)
     share = np.empty(6)
     least = min(six.share[0], wheel_shares(six.rows, slope, share))
-    return least > LEAST_SHARE and is_flat(rover, six.here, six.wheels, least)
+    return least > LEAST_SHARE and is_flat(site.rover, six.here, six.wheels, least)
