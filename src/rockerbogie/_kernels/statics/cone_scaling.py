@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..jit.vectors import larger, root, where
+from ..jit.vectors import larger, root
 from .lane_rows import BOGIE_LEFT, BOGIE_RIGHT, BOUND, CONTACTS, OX, OY, OZ, ROCKER_RATE, VX, VY, VZ, WHEEL, WHEELS
 
 
@@ -83,16 +83,26 @@ class Cone:
         return self.n * self.n - self.t.dot(self.t)
 
     def rate(self, step: Cone, over: Any) -> Any:
-        """Return the reciprocal of the longest step inside the cone, 0 if there is none.
+        """Return the reciprocal of the longest step inside the cone; at most 0 if none ends.
 
         Args:
             step: direction.
             over: reciprocal of `excess`.
         """
-        a, b = step.excess(), self.n * step.n - self.t.dot(step.t)
-        inner = b * b - a * self.excess()
-        leaves = ((b < 0.0) | (a < 0.0)) & (inner >= -1e-10 * (b * b))
-        return where(leaves, (root(larger(inner, 0.0)) - b) * over, 0.0)
+        inner, along = self.leaving(step, over)
+        return inner - along
+
+    def leaving(self, step: Cone, over: Any) -> tuple[Any, Any]:
+        """Return r and b: steps end at 1 / (r - b), opposite steps at 1 / (r + b).
+
+        By the reversed Cauchy-Schwarz inequality r is real, but for rounding.
+
+        Args:
+            step: direction.
+            over: reciprocal of `excess`.
+        """
+        along = (self.n * step.n - self.t.dot(step.t)) * over
+        return root(larger(along * along - step.excess() * over, 0.0)), along
 
 
 class Wheel:
@@ -104,6 +114,8 @@ class Wheel:
     slide: Vector
     residual: Vector
     target: Cone
+    lag: Cone
+    second: Cone
     dx: Cone
     dz: Cone
     du: Vector
@@ -163,7 +175,7 @@ class Wheel:
     def set_scaling(self, over_x: Any, over_z: Any, power: Any, excess_x: Any, excess_z: Any) -> None:
         """Set the Nesterov-Todd scaling from x and z: `hessian(z)` equals x.
 
-        It sets `w`, `size`, `square`, `scaled` and their inverses `over_...`. The excess of an element is n² - |t|²: its
+        It sets `w`, `size`, `square`, `scaled` and inverses `over_...`. The excess of an element is n² - |t|²: its
         normal component squared less that of the tangential one.
 
         Args:
@@ -177,7 +189,7 @@ class Wheel:
         self.w = Cone(self.w.n + self.z.n * (gamma * over_z), self.w.t - self.z.t * (gamma * over_z))
         ratio = excess_x * both
         self.size, self.square = root(ratio), ratio * self.on
-        self.over_size, self.over_n = self.size * (excess_z * both), 1.0 / (1.0 + self.w.n)
+        self.over_n = 1.0 / (1.0 + self.w.n)
         self.over_x, self.over_z, self.over_both = over_x * over_x, over_z * over_z, both
         self.scaled = self.scale(self.z)
         self.over_scaled = 1.0 / self.scaled.n
@@ -200,26 +212,28 @@ class Wheel:
         dot = self.w.t.dot(y.t)
         return Cone(self.size * (self.w.n * y.n + dot), (y.t + self.w.t * (y.n + dot * self.over_n)) * self.size)
 
-    def unscale(self, y: Cone) -> Cone:
-        """Return the product of the inverse scaling with an element.
+    def predicted_rate(self, dz: Cone) -> Any:
+        """Return the reciprocal of the longest predicted step inside the cones.
+
+        The predicted step of x is -x - `hessian(dz)`. It sets `second`, the product of both steps in the scaled space.
 
         Args:
-            y: element.
+            dz: step of z.
         """
-        dot = self.w.t.dot(y.t)
-        return Cone(self.over_size * (self.w.n * y.n - dot), (y.t + self.w.t * (dot * self.over_n - y.n)) * self.over_size)
+        c = self.scale(dz)
+        a = self.scaled * -self.on - c
+        self.second = Cone(a.dot(c), c.t * a.n + a.t * c.n)
+        return larger(self.scaled.rate(a, self.over_both), self.scaled.rate(c, self.over_both))
 
     def corrector(self, centre: Any, square: Any) -> Cone:
-        """Return the step of x alone that leads to the central path, to second order.
+        """Return the correction of the predicted step of x that leads to the central path.
 
         Args:
             centre: power of each cone on the path.
-            square: weight of the second-order terms of the steps dx and dz.
+            square: weight of the second-order terms.
         """
-        a, c, at = self.unscale(self.dx), self.scale(self.dz), self.scaled
-        n = centre - at.dot(at) - square * a.dot(c)
-        t = at.t * (-2.0 * at.n) - (c.t * a.n + a.t * c.n) * square
-        part = (at.n * n - at.t.dot(t)) * self.over_both
+        at, t = self.scaled, self.second.t * -square
+        part = (at.n * (centre - square * self.second.n) - at.t.dot(t)) * self.over_both
         return self.scale(Cone(part, (t - at.t * part) * self.over_scaled))
 
     def add_metric(self, matrix: list[list[Any]], mu: Any, friction: bool) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..jit.vectors import larger, root, smaller, where
+from ..jit.vectors import larger, smaller, where
 
 PIVOT = 1e-14  # smallest pivot, of its diagonal element
 
@@ -22,34 +22,36 @@ def dots(a: list[Any], b: list[Any]) -> Any:
 
 
 def factor(m: list[list[Any]], size: int) -> list[Any]:
-    """Replace the lower triangle of a matrix by its Cholesky factor, without its diagonal.
+    """Replace the lower triangle of a matrix M by L of M = L D Lᵀ, without the diagonal of L.
 
     Args:
         m: (size, size) None where an element is 0.
         size: number of rows.
 
     Returns:
-        Reciprocals of the diagonal.
+        Reciprocals of the diagonal of D.
     """
     over: list[Any] = []
+    scaled: list[list[Any]] = [[None] * size for _ in range(size)]  # L D
     for j in range(size):
         d = m[j][j]
         least = d * PIVOT
         for k in range(j):
             if m[j][k] is not None:
-                d = d - m[j][k] * m[j][k]
-        over.append(1.0 / root(larger(d, least)))
+                d = d - scaled[j][k] * m[j][k]
+        over.append(1.0 / larger(d, least))
         for i in range(j + 1, size):
             s = m[i][j]
             for k in range(j):
                 if m[i][k] is not None and m[j][k] is not None:
-                    s = -(m[i][k] * m[j][k]) if s is None else s - m[i][k] * m[j][k]
+                    s = -(scaled[i][k] * m[j][k]) if s is None else s - scaled[i][k] * m[j][k]
+            scaled[i][j] = s
             m[i][j] = None if s is None else s * over[j]
     return over
 
 
 def solve(m: list[list[Any]], over: list[Any], x: list[Any]) -> list[Any]:
-    """Return the solution of L Lᵀ y = x.
+    """Return the solution of L D Lᵀ y = x.
 
     Args:
         m, over: as `factor` leaves them.
@@ -60,12 +62,11 @@ def solve(m: list[list[Any]], over: list[Any], x: list[Any]) -> list[Any]:
         for k in range(i):
             if m[i][k] is not None:
                 y[i] = y[i] - m[i][k] * y[k]
-        y[i] = y[i] * over[i]
     for i in range(size - 1, -1, -1):
+        y[i] = y[i] * over[i]
         for k in range(i + 1, size):
             if m[k][i] is not None:
                 y[i] = y[i] - m[k][i] * y[k]
-        y[i] = y[i] * over[i]
     return y
 
 

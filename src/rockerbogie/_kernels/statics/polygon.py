@@ -80,16 +80,19 @@ def _sector(corner: Array, count: int, x: float, y: float) -> int:
 
 @njit
 def _foot(ax: float, ay: float, bx: float, by: float) -> tuple[float, float]:
-    """Return the distance of the origin from a segment, and where its foot is, from 0 to 1.
+    """Find the point of a segment that is nearest to the origin.
 
     Args:
         ax, ay, bx, by: ends of the segment.
+
+    Returns:
+        Squared distance; where the foot is on the segment, 0 to 1.
     """
     ex, ey = bx - ax, by - ay
     square = ex * ex + ey * ey
     share = min(max(-(ax * ex + ay * ey) / square, 0.0), 1.0) if square > 1e-20 else 0.0
     x, y = ax + share * ex, ay + share * ey
-    return math.sqrt(x * x + y * y), share
+    return x * x + y * y, share
 
 
 @njit
@@ -103,12 +106,13 @@ def clear_about(corner: Array, count: int, x: float, y: float, distance: float) 
         x, y: the direction.
         distance: the distance.
     """
-    first = _sector(corner, count, x, y) + count - 1
-    for step in range(3):
-        j = (first + step) % count
+    j = _sector(corner, count, x, y)
+    j = j - 1 if j > 0 else count - 1
+    for _ in range(3):
         n = j + 1 if j + 1 < count else 0
-        if _foot(corner[j, X], corner[j, Y], corner[n, X], corner[n, Y])[0] < distance:
+        if _foot(corner[j, X], corner[j, Y], corner[n, X], corner[n, Y])[0] < distance * distance:
             return False
+        j = n
     return True
 
 
@@ -130,8 +134,9 @@ def nearest_edge(corner: Array, count: int) -> tuple[float, float, float, bool]:
             size = math.hypot(bx - ax, by - ay)
             nearest, wx, wy, sure = 0.0, (by - ay) / size, (ax - bx) / size, False
             continue
-        distance, share = _foot(ax, ay, bx, by)
-        if distance < nearest:
-            nearest, wx, wy = distance, (ax + share * (bx - ax)) / distance, (ay + share * (by - ay)) / distance
+        square, share = _foot(ax, ay, bx, by)
+        if square < nearest * nearest:
+            nearest = math.sqrt(square)
+            wx, wy = (ax + share * (bx - ax)) / nearest, (ay + share * (by - ay)) / nearest
             sure = (share == 0.0 and corner[j, SURE] > 0.0) or (share == 1.0 and corner[n, SURE] > 0.0)
     return nearest, wx, wy, sure

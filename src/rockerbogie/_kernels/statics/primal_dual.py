@@ -111,34 +111,55 @@ def step(rows: Any, friction: bool, contacts: int) -> None:
         gap = gap + mu * price
     tau = gap / rows[PROBLEM.cones]
     over = factor(matrix, size)
-    v_e = solve(matrix, over, e)
+    v_e, v_b = solve(matrix, over, e), solve(matrix, over, b)
     bowed = bowed + dots(e, v_e)
     if friction:
         bowed = bowed + price * over_mu
-        for k, part in enumerate(solve(matrix, over, b)):
+        for k, part in enumerate(v_b):
             rows[RESULT.proof + k] = part
     if not friction:
         find_sides(rows, wheels, limits, matrix, over, short)
+    lag = [zero] * size  # generalized force of the residuals of velocities
+    for s in wheels:
+        s.lag = s.hessian(s.cone(s.residual, mu))
+        for k, part in s.generalized(s.world(s.lag, mu)):
+            lag[k] = lag[k] + part
+    for q in limits:
+        lag[q.row] = lag[q.row] + q.on * q.sign * q.y * q.over_w * q.residual
+    v_lag = solve(matrix, over, lag)
+    held, v_held = b, v_b  # generalized force of the present forces and `short` together
+    if not friction:
+        held = [x - theta * y for x, y in zip(b, e, strict=True)]
+        v_held = [x - theta * y for x, y in zip(v_b, v_e, strict=True)]
     sigma, alpha, rest, d_theta, d_price = zero, zero, zero + 1.0, zero, zero
     dv = v
     for phase in range(2):
-        v_p = [-rest * x for x in short]
+        if phase == 0:
+            v_p = [-x - y for x, y in zip(v_held, v_lag, strict=True)]
+        else:
+            v_p = [(1.0 - rest) * x - rest * y - z for x, y, z in zip(short, lag, held, strict=True)]
         if friction:
             back = -price if phase == 0 else (sigma * tau - alpha * alpha * d_theta * d_price) * over_mu - price
             short_e = left * rest + back
         else:
             short_e = rest * (1.0 - dots(e, v))
         for s in wheels:
-            s.target = (s.x * -1.0 if phase == 0 else s.corrector(sigma * tau, alpha * alpha)) * s.on
-            part = s.target - s.hessian(s.cone(s.residual, mu)) * rest
+            s.target = s.x * -s.on
+            if phase == 1:
+                correction = s.corrector(sigma * tau, alpha * alpha) * s.on
+                s.target = s.target + correction
+                for k, value in s.generalized(s.world(correction, mu)):
+                    v_p[k] = v_p[k] + value
             if friction:
-                short_e = short_e - s.slide.dot(part.t)
-            for k, value in s.generalized(s.world(part, mu)):
-                v_p[k] = v_p[k] + value
+                short_e = short_e - s.slide.dot(s.target.t - s.lag.t * rest)
         for q in limits:
-            q.target = -q.y if phase == 0 else (sigma * tau - alpha * alpha * q.dy * q.dw) * q.over_w - q.y
-            v_p[q.row] = v_p[q.row] + q.on * q.sign * (q.target - q.y * q.over_w * q.residual * rest)
-        v_p = solve(matrix, over, v_p)
+            q.target = -q.y
+            if phase == 1:
+                correction = (sigma * tau - alpha * alpha * q.dy * q.dw) * q.over_w
+                q.target = q.target + correction
+                v_p[q.row] = v_p[q.row] + q.on * q.sign * correction
+        if phase == 1:
+            v_p = solve(matrix, over, v_p)
         d_theta = free * (short_e - dots(e, v_p)) / bowed
         dv = [x + y * d_theta for x, y in zip(v_p, v_e, strict=True)]
         rate = zero + 1.0 / FAR
@@ -150,8 +171,11 @@ def step(rows: Any, friction: bool, contacts: int) -> None:
             s.dz = s.cone(s.du, mu)
             if friction:
                 s.dz = Cone(s.dz.n, s.dz.t + s.slide * (s.on * d_theta))
-            s.dx = s.target - s.hessian(s.dz)
-            rate = larger(rate, larger(s.x.rate(s.dx, s.over_x), s.z.rate(s.dz, s.over_z)))
+            if phase == 0:
+                rate = larger(rate, s.predicted_rate(s.dz))
+            else:
+                s.dx = s.target - s.hessian(s.dz)
+                rate = larger(rate, larger(s.x.rate(s.dx, s.over_x), s.z.rate(s.dz, s.over_z)))
         for q in limits:
             q.dw = q.on * (q.sign * dv[q.row] + rest * q.residual)
             q.dy = q.on * (q.target - q.y * q.over_w * q.dw)
@@ -215,9 +239,8 @@ def find_sides(
     v = solve(matrix, over, gravity_force(rows, -rows[RAY.y], rows[RAY.x]))
     left = right = one * (1.0 / FAR)
     for s in wheels:
-        dx = s.hessian(s.cone(s.velocity(v), rows[STATE.mu]))
-        right = larger(right, s.x.rate(dx, s.over_x))
-        left = larger(left, s.x.rate(dx * -1.0, s.over_x))
+        most, along = s.scaled.leaving(s.scale(s.cone(s.velocity(v) * s.on, rows[STATE.mu])), s.over_both)
+        right, left = larger(right, most - along), larger(left, most + along)
     for q in limits:
         dy = q.on * q.sign * q.y * q.over_w * v[q.row]
         right, left = larger(right, -dy), larger(left, dy)
