@@ -1,7 +1,7 @@
 """Compare required friction, normal forces and tips with MuJoCo, wheels locked.
 
     python tools/compare_parked.py --poses 200 --seed 0
-    python tools/compare_parked.py --loads --poses 16 --write
+    python tools/compare_parked.py --loads --poses 200 --write
     PYTHONPATH=tests python tools/compare_parked.py --tips --poses 16 --write
 
 Each rover has thin wheels, fixed to their links; rockers, bogies and the differential move. Under each wheel lies the plane
