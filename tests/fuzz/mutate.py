@@ -1,6 +1,6 @@
 """Mutate robot files, byte by byte and in ways that keep them readable.
 
-`python tests/fuzz_files.py --kind robot` mutates 10,000.
+`python tools/fuzz_files.py --kind robot` mutates 10,000.
 
 Every mutated file must give a possible rover or one `RoverError`, within `LONGEST`. URDF files that MuJoCo reads too must agree
 with it: the pivots' and hubs' positions, and the sum of the masses.

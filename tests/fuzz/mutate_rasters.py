@@ -1,6 +1,6 @@
 """Mutation of raster files.
 
-`python tests/fuzz_files.py --kind raster` mutates 10,000.
+`python tools/fuzz_files.py --kind raster` mutates 10,000.
 
 Each mutated file gives terrain or one `TerrainError`, within `LONGEST` seconds. Terrain whose heights differ from those of the
 file before mutation must differ in rasterio's own reading too: no height is made up here.

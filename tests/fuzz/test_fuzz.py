@@ -1,6 +1,6 @@
 """Small counts of mutated rasters and logs.
 
-`tests/fuzz_files.py` runs the full counts; tests/rover has those of robot files.
+`tools/fuzz_files.py` runs the full counts; tests/rover has those of robot files.
 """
 
 from __future__ import annotations

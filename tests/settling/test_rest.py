@@ -1,4 +1,4 @@
-"""Equilibria against MuJoCo's at the same positions; `prove_rest.py` compares more of them."""
+"""Equilibria against MuJoCo's; `tools/compare_equilibria.py` compares more of them."""
 
 import numpy as np
 import pytest

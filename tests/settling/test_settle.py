@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 import rockerbogie as rb
-from prove_settle import TOLERANCE, TOUCHING, draw, grounds, prove
 from rockerbogie.rover.rotations import body_transform
 from support import oracle
 from support.helpers import assert_close, paper_rover
 from support.strategies import BATCH_SHAPES
+from support.verified import TOLERANCE, TOUCHING, draw, grounds, verify_contact
 
 SEED = 2024
 
@@ -250,18 +250,18 @@ def test_missing_data_and_the_edge_of_the_map_give_nan_and_a_status() -> None:
 
 @pytest.mark.parametrize("which", ["k=20%", "marsyard2021 linear", "marsyard2021 cubic"])
 def test_poses_on_rocks_and_a_mars_yard_are_verified(which: str) -> None:
-    """Verify a part of the poses of `prove_settle.py`."""
+    """Verify a part of the poses of `tools/verify_settle.py`."""
     ground = grounds()
     if which not in ground:
         pytest.skip("the Mars yard's file is not here: set ROCKERBOGIE_DATA")
     terrain = ground[which]()
     for name in ("elhami-dashti", "perseverance", "rocky7"):
         rover = rb.load_rover(name)
-        proof = prove(rb.settle(rover, terrain, *draw(terrain, rover, 200, 7)))
-        known = proof.status.sum() - proof.status[rb.Status.NO_DATA]
+        verified = verify_contact(rb.settle(rover, terrain, *draw(terrain, rover, 200, 7)))
+        known = verified.status.sum() - verified.status[rb.Status.NO_DATA]
         assert known > 150
-        assert len(proof.gap) >= 0.995 * known, f"{name}: {proof.status}"
-        assert proof.failed == 0, f"{name}: a gap of {proof.worst} m is reported as settled (limit {TOLERANCE} m)"
+        assert len(verified.gap) >= 0.995 * known, f"{name}: {verified.status}"
+        assert verified.failed == 0, f"{name}: a gap of {verified.worst} m is reported as settled (limit {TOLERANCE} m)"
 
 
 def test_pose_transform_is_the_paper_s() -> None:

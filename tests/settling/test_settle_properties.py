@@ -7,9 +7,9 @@ from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
 import rockerbogie as rb
-from prove_settle import SLACK, TOLERANCE, TOUCHING, prove_rest
 from support import oracle
 from support.strategies import BATCH_SHAPES, rovers, terrains
+from support.verified import SLACK, TOLERANCE, TOUCHING, verify_equilibrium
 
 FEW = settings(
     max_examples=40, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large]
@@ -65,9 +65,9 @@ def test_reported_equilibria_are_equilibria(data: st.DataObject) -> None:
     spots = (places[name].ravel() for name in ("x", "y", "yaw"))
     flat = rb.settle(rover, terrain, *spots, steering=places["steering"].reshape(-1, 6), mode="equilibrium")
     assert np.array_equal(flat.q.reshape(pose.q.shape), pose.q, equal_nan=True)
-    proof = prove_rest(flat, tries=10)
+    verified = verify_equilibrium(flat, tries=10)
     event(f"{np.isfinite(flat.z).sum()} of {flat.z.size} at rest")
-    assert not proof.wrong, proof.wrong
+    assert not verified.wrong, verified.wrong
 
 
 @FEW

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import rockerbogie as rb
-from prove_settle import prove_rest
 from support import oracle
 from support.rest_cases import load
 from support.rigid_drop import DropTower, Rest
+from support.verified import verify_equilibrium
 
 DATUM = 100.0  # m, height of the plane's centre: the start pose must be moved by it to the kernels' datum and back
 STEP = 1e-6  # of the central differences, m and rad
@@ -52,7 +52,7 @@ def test_an_equilibrium_on_six_wheels_that_mujoco_keeps_is_returned(
     rover, yaw = load(name), np.radians([heading])
     pose = rb.settle(rover, plane(rover, slope), [0.0], [0.0], yaw, mode="equilibrium")
     assert pose.status[0] == rb.Status.CONVERGED
-    assert not prove_rest(pose, tries=40).wrong
+    assert not verify_equilibrium(pose, tries=40).wrong
     held = simulate(rover, slope, yaw[0], pose.q[0])
     assert held.at_rest
     assert turned(held, pose.q[0]) < 0.02
@@ -96,8 +96,8 @@ def test_tipped_only_where_a_contact_force_would_have_to_pull(name: str) -> None
     tipped = 0
     for slope in (45.0, 55.0, 65.0):
         pose = rb.settle(rover, plane(rover, slope), np.zeros(24), np.zeros(24), heading, mode="equilibrium")
-        proof = prove_rest(pose, tries=10)
-        assert not proof.wrong, proof.wrong
+        verified = verify_equilibrium(pose, tries=10)
+        assert not verified.wrong, verified.wrong
         six = rb.settle(rover, plane(rover, slope), 0.0, 0.0, heading)
         assert not np.isin(pose.status, [rb.Status.NOT_CONVERGED, rb.Status.OFF_MAP]).any()
         for k in np.flatnonzero(pose.status == rb.Status.TIPPED):

@@ -1,6 +1,6 @@
 """Mutation of robot files, rasters and logs by the thousand.
 
-`python tests/fuzz_files.py --kind robot|raster|log --count 10000`
+`python tools/fuzz_files.py --kind robot|raster|log --count 10000`
 
 Every mutated file gives one sentence or a right answer, within seconds; the rules are in tests/fuzz. The same functions run with
 small counts in pytest (tests/fuzz/test_fuzz.py, tests/rover/test_formats_fuzz.py).
@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 if __name__ == "__main__":
-    sys.path.insert(0, str(Path(__file__).resolve().parent))
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
     from fuzz import mutate, mutate_logs, mutate_rasters
 
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])

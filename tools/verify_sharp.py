@@ -1,7 +1,7 @@
 """Certification of settled poses on terrain as sharp as its grid allows.
 
-    python tests/prove_sharp.py [--poses 1000000] [--seed 0] [--mode contact] [--interpolation cubic] [--json out.json]
-    python tests/prove_sharp.py --table docs/settling.md run1.json run2.json ...
+    python tools/verify_sharp.py [--poses 1000000] [--seed 0] [--mode contact] [--interpolation cubic] [--json out.json]
+    python tools/verify_sharp.py --table docs/settling.md run1.json run2.json ...
 
 The first form prints, for each family of terrain (sharp_grounds.py) and interpolation, the number of poses with a result and
 the number of these with each fault:
@@ -32,6 +32,8 @@ from pathlib import Path
 import numpy as np
 
 import rockerbogie as rb
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from support.certified import FAULTS, LENGTHS, judge
 from support.sharp_grounds import FAMILIES, draw_case
 
@@ -70,7 +72,7 @@ class Row:
     worst: dict[str, Worst] = field(default_factory=dict)
 
 
-def prove_case(
+def verify_case(
     row: Row, seed: int, family: str, interpolation: str, count: int, missing: bool, mode: str, counted: int, truth: str
 ) -> None:
     """Settle the poses of one terrain, certify them, and add their faults to a row."""
@@ -134,7 +136,7 @@ def summary(files: list[Path]) -> str:
             cells = [mode, kind, f"{poses:,}", f"{given:,}", str(unproved), *wrong.values(), *largest]
             lines.append("| " + " | ".join(cells) + " |")
     commands = [
-        f"`python tests/prove_sharp.py --mode {run['mode']} --batch {run['batch']} --seed {run['seeds'][0]}` to seed "
+        f"`python tools/verify_sharp.py --mode {run['mode']} --batch {run['batch']} --seed {run['seeds'][0]}` to seed "
         f"{run['seeds'][1] - 1}"
         for run in runs
     ]
@@ -172,7 +174,7 @@ def main() -> int:
     seed, began, reported = given.seed, time.perf_counter(), time.perf_counter()
     while sum(row.poses for row in rows.values()) < given.poses and time.perf_counter() - began < given.seconds:
         for (family, kind), row in rows.items():
-            prove_case(
+            verify_case(
                 row,
                 seed,
                 family,

@@ -1,6 +1,6 @@
 """Comparison of equilibria of three rovers with MuJoCo.
 
-    python tests/prove_rest.py [poses] [rover ...]
+    python tools/compare_equilibria.py [poses] [rover ...]
 
 Terrains are solid shapes, fields of rocks, and fields of rocks for a rover with close joint limits. Prints the shares of
 alike, marginal and other poses, RMS differences of the alike ones, and a line for each pose that differs.
@@ -9,9 +9,11 @@ alike, marginal and other poses, RMS differences of the alike ones, and a line f
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from support.rest_cases import compare, field, load, solids, stiff
 
 

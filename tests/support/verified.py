@@ -1,16 +1,9 @@
-"""Verification of settled poses on rock fields and a Mars yard by the oracle.
-
-    python tests/prove_settle.py [--poses 10000] [--mode contact] [--rover perseverance] [--ground k=20%]
-
-Prints, for each rover on each terrain, the share settled, the counts of each status, and the worst gap by the oracle.
-"""
+"""Verification of settled poses by the oracle; `tools/verify_settle.py` verifies many."""
 
 from __future__ import annotations
 
-import argparse
-import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +14,6 @@ from support.data import DATA
 
 Array = NDArray[np.float64]
 
-ROVERS = ("elhami-dashti", "perseverance", "rocky7")
 #: Largest depth of a tread point below the terrain, and largest gap of a wheel in contact, m.
 TOLERANCE = 1e-6
 #: Statuses of contact mode for which the six gaps are 0.
@@ -64,7 +56,7 @@ def draw(terrain: rb.Terrain, rover: rb.Rover, count: int, seed: int) -> tuple[A
 
 
 @dataclass
-class Proof:
+class Contacts:
     """Counts of a batch by status, and the oracle's gaps of its poses in contact mode."""
 
     status: NDArray[np.int64]
@@ -78,7 +70,7 @@ class Proof:
         return int(off.any(axis=1).sum())
 
 
-def prove(pose: rb.Pose) -> Proof:
+def verify_contact(pose: rb.Pose) -> Contacts:
     """Compute the oracle's gaps of each pose of a batch (n,) that is reported as in contact."""
     ground = oracle.Ground.of(pose.terrain)
     good = np.flatnonzero(np.isin(pose.status, TOUCHING))
@@ -89,11 +81,11 @@ def prove(pose: rb.Pose) -> Proof:
         gap[start : start + CHUNK] = oracle.least_gap(ground, wheels, SLACK).gap.reshape(-1, 6)
     status = np.bincount(pose.status, minlength=len(rb.Status))
     worst = float(np.abs(np.concatenate([gap, gap - SLACK])).max()) if len(good) else np.nan
-    return Proof(status, gap, worst)
+    return Contacts(status, gap, worst)
 
 
 @dataclass
-class RestProof:
+class Equilibria:
     """Counts of a batch by status in equilibrium mode, and the faults of its poses."""
 
     status: NDArray[np.int64]
@@ -101,7 +93,7 @@ class RestProof:
     deepest: float  # lowest gap of a wheel or the body, bracket included, m
 
 
-def prove_rest(pose: rb.Pose, tries: int = 40, seed: int = 0) -> RestProof:
+def verify_equilibrium(pose: rb.Pose, tries: int = 40, seed: int = 0) -> Equilibria:
     """Verify each pose of a batch (n,) of equilibrium mode against the definitions.
 
     - No tread and no part of the body's box is below the terrain; reported contacts are contacts.
@@ -147,7 +139,7 @@ def prove_rest(pose: rb.Pose, tries: int = 40, seed: int = 0) -> RestProof:
     wrong = []
     for what, bad in checks.items():
         wrong += [f"pose {at[k]} ({rb.Status(pose.status[at[k]]).name}): {what}" for k in np.flatnonzero(bad)]
-    return RestProof(np.bincount(pose.status, minlength=len(rb.Status)), wrong, float(lowest.min(initial=np.inf) - SLACK))
+    return Equilibria(np.bincount(pose.status, minlength=len(rb.Status)), wrong, float(lowest.min(initial=np.inf) - SLACK))
 
 
 def gaps_and_height(
@@ -173,44 +165,3 @@ def gaps_and_height(
         belly[near] = oracle.least_gap(ground, faces, SLACK).gap.reshape(-1, 3).min(axis=1)
     height = oracle.mass_height(rover, oracle.link_poses(rover, x, y, yaw, q, steering))
     return wheel, belly, height - np.minimum(wheel.min(axis=1), belly)
-
-
-def main() -> None:
-    """Settle and verify poses of the chosen rovers and terrains; print a line for each pair."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--poses", type=int, default=10_000)
-    parser.add_argument("--mode", choices=("contact", "equilibrium"), default="contact")
-    parser.add_argument("--rover", choices=ROVERS, action="append")
-    parser.add_argument("--ground", action="append", help="part of a terrain's name")
-    given = parser.parse_args()
-    for name, make in grounds().items():
-        if given.ground and not any(part in name for part in given.ground):
-            continue
-        terrain = make()
-        for which in given.rover or ROVERS:
-            rover = rb.load_rover(which)
-            place = draw(terrain, rover, given.poses, 1)
-            began = time.perf_counter()
-            pose = rb.settle(rover, terrain, *place, mode=given.mode)
-            took = 1e6 * (time.perf_counter() - began) / given.poses
-            counts = np.bincount(pose.status, minlength=len(rb.Status))
-            codes = ", ".join(f"{n} {rb.Status(k).name}" for k, n in enumerate(counts) if n)
-            if given.mode == "contact":
-                proof = prove(pose)
-                settled, said = len(proof.gap), f"worst gap {proof.worst:.2e} m, {proof.failed} wrong"
-            else:
-                parts = [rest_of(pose, slice(k, k + CHUNK)) for k in range(0, given.poses, CHUNK)]
-                settled, wrong = np.isfinite(pose.z).sum(), [line for part in parts for line in part.wrong]
-                said = f"deepest {min(part.deepest for part in parts):.2e} m, {len(wrong)} wrong {wrong[:3]}"
-            share = 100 * settled / (counts.sum() - counts[rb.Status.NO_DATA])
-            print(f"{name:20} {which:14} {share:7.3f} % settled, {said}, {took:.1f} µs per pose: {codes}", flush=True)
-
-
-def rest_of(pose: rb.Pose, part: slice) -> RestProof:
-    """Verify some poses of a batch."""
-    fields = {name: getattr(pose, name)[part] for name in ("x", "y", "yaw", "steering", "q", "status", "report")}
-    return prove_rest(replace(pose, **fields), tries=12)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,6 @@
 """Evolutionary search for settled poses that are wrong.
 
-    python tests/search_sharp.py [--seconds 300] [--seed 0] [--interpolation cubic] [--mode contact]
+    python tools/search_sharp.py [--seconds 300] [--seed 0] [--interpolation cubic] [--mode contact]
 
 A search starts from a random case (sharp_grounds.py) and keeps its worst pose. Each generation moves the rover or changes
 a few heights near its contacts, settles a batch of such variants and keeps the worst pose. The score of a pose is
@@ -24,6 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import rockerbogie as rb
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from support import sampled
 from support.certified import FAULTS, certify, faults_of, some
 from support.sharp_grounds import FAMILIES, Case, draw_case
