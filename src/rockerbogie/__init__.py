@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from .logs.benchmark import benchmark_mars as benchmark_mars
     from .logs.benchmark import write_benchmark_template as write_benchmark_template
     from .logs.channels import LogWarning as LogWarning
+    from .logs.estimate import Estimate as Estimate
     from .logs.forecast import forecast_slip as forecast_slip
     from .logs.forecast_score import score_forecast as score_forecast
     from .logs.joint_log import read_log as read_log
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
     from .logs.odometry import SlopeSlip as SlopeSlip
     from .logs.odometry import flat_odometry as flat_odometry
     from .logs.odometry import odometry as odometry
-    from .logs.odometry_filter import Estimate as Estimate
     from .logs.odometry_filter import OdometryFilter as OdometryFilter
     from .logs.slip_fit import SoilFit as SoilFit
     from .logs.slip_fit import fit_soil as fit_soil
@@ -240,7 +240,7 @@ _EXPORTS = {
     "flat_odometry": "logs.odometry",
     "SlopeSlip": "logs.odometry",
     "OdometryFilter": "logs.odometry_filter",
-    "Estimate": "logs.odometry_filter",
+    "Estimate": "logs.estimate",
     "LogWarning": "logs.channels",
     "read_log": "logs.joint_log",
     "write_mcap": "logs.mcap",

@@ -32,19 +32,19 @@ class Bench:
         from rclpy.executors import SingleThreadedExecutor
         from rclpy.parameter import Parameter
 
-        from rockerbogie.ros import node as module
+        from rockerbogie.ros.node import RoverNode
 
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
         overrides = [Parameter(name, value=value) for name, value in ({"reliable": True} | parameters).items()]
-        self.node = module.RoverNode(context=self.context, namespace=namespace, parameter_overrides=overrides)
+        self.node = RoverNode(context=self.context, namespace=namespace, parameter_overrides=overrides)
         self.driver = rclpy.create_node("driver", context=self.context, namespace=namespace)
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
         self.executor.add_node(self.driver)
         self.received: dict[str, list] = {}
         self.sent: dict[str, int] = {}
-        self.started = module.start(self.node) if start else None
+        self.started = self.node.start() if start else None
 
     def __enter__(self) -> Bench:
         return self

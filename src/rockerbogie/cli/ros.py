@@ -84,7 +84,7 @@ def ros(
         load_rover(rover)
         given["rover"] = rover
     require("rockerbogie ros", "ros2", *MODULES)
-    from ..ros.node import main
+    from ..ros.run import main
 
     args = ["--ros-args", "-r", f"__node:={node_name}"]
     if namespace is not None:

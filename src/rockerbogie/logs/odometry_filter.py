@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,12 +12,11 @@ from .._kernels.odometry import layout as at
 from ..arrays import Array
 from ..errors import RockerbogieError, expect
 from ..rover.model import LOAD_ROVER, Rover
-from ..rover.rotations import euler_angles
 from .channels import LogReport
+from .estimate import Estimate
+from .filter_rows import ATTITUDE, BOGIE, ROCKER, SIZE, STEERING, TIME, Stretch, interval_reading, or_zero, read_row
 from .odometry import SlopeSlip
 from .readings import Readings
-from .resolution import half_width, smooth
-from .stamps import GAP_STEPS, GAP_TIME
 from .steps import (
     ATTITUDE_SIGMA,
     UNKNOWN_SLOPE,
@@ -28,63 +26,14 @@ from .steps import (
     new_track,
     pose_of,
     track_noise,
-    turns,
     weights_of,
 )
-from .tip import tip_margin
 
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Columns of a row. Those from `TURN` on are derived: rotation vector and heading, summed over the rows.
-WHEEL, STEERING, ROCKER, BOGIE, ATTITUDE, GYRO, TURN, TIME, SIZE = 0, 6, 12, 13, 15, 18, 21, 24, 25
-#: Sensors of a row by the names of a log: columns and length. Wheel angles take the columns of the rates.
-JOINTS = {
-    "wheel_rate": (WHEEL, 6),
-    "wheel_angle": (WHEEL, 6),
-    "steering": (STEERING, 6),
-    "rocker": (ROCKER, 1),
-    "bogie": (BOGIE, 2),
-}
-IMU = {"roll": (ATTITUDE, 1), "pitch": (ATTITUDE + 1, 1), "yaw": (ATTITUDE + 2, 1), "gyro": (GYRO, 3)}
 #: Version of the saved state.
 VERSION = 1
-
-
-@dataclass(frozen=True, eq=False)
-class Estimate:
-    """Pose and motion of the body at a time."""
-
-    rover: Rover
-    time: float  # s
-    T: Array  # (4, 4) T_world_body
-    pose_covariance: Array  # (6, 6) of position and rotation about fixed axes, m² and rad²
-    twist: Array  # (6,) in the body frame over the interval that ends at `time`, m/s and rad/s; NaN at the first row
-    twist_covariance: Array  # (6, 6)
-    roll_slip: Array  # (6,) slip of each wheel along its path, m/s
-    side_slip: Array  # (6,) slip across it, m/s
-    contact_angle: Array  # (6,) rad
-    steering: Array  # (6,) rad
-    rocker: float  # rad
-    bogie: Array  # (2,) rad
-    distance: float  # horizontal length of the path, m
-    distance_3d: float  # its length in three dimensions, m
-
-    @property
-    def position(self) -> Array:
-        """(3,) x, y, z of the body's reference point, m."""
-        return self.T[:3, 3]
-
-    @property
-    def attitude(self) -> tuple[float, float, float]:
-        """Roll, pitch and yaw, rad; yaw in [-π, π]."""
-        roll, pitch, yaw = euler_angles(self.T[:3, :3])
-        return float(roll), float(pitch), float(yaw)
-
-    @property
-    def tip_margin(self) -> float:
-        """Least turn of gravity that tips the rover over, rad; NaN for a rover without mass."""
-        return tip_margin(self.rover, self.T, self.rocker, self.bogie, self.steering, self.contact_angle)
 
 
 class OdometryFilter:
@@ -134,12 +83,8 @@ class OdometryFilter:
         self._start = (x, y, z)
         slopes = (0.0, 0.0) if soil is None else (soil.along, soil.across)
         self._weights = weights_of(rover, UNKNOWN_SLOPE, self.joint_error, slopes)
-        self._reach = half_width(self.window)
-        box = np.full(self._reach + 1, 1.0 / (self._reach + 1))
-        self._kernel = np.convolve(box, box)
-        # Rows of the present stretch without gaps; the first is its row `_base`. `_at` is the row of the track.
-        self._rows = np.empty((max(4 * self._reach, 8), SIZE))
-        self._base = self._count = self._at = 0
+        self._rows = Stretch(self.window)
+        self._at = 0  # row of the stretch at which the track ends
         self._smoothed = np.full(SIZE, np.nan)
         self._track: Array | None = None
         self._stepped = False
@@ -188,30 +133,31 @@ class OdometryFilter:
         Raises:
             RockerbogieError: a time that does not grow, wheels that are missing or not finite, or a shape that does not fit.
         """
-        row = self._row(t, joints, imu or {})
+        rows = self._rows
+        before = float(rows.last[TIME]) if rows.count else -np.inf
+        row, self._by_rate = read_row(self.rover, t, joints, imu or {}, before, self._by_rate)
         if self._track is None:
             self._smoothed = row
             self._begin(row)
             self.estimate = self._estimate(row, None, self._track, *pose_of(self._track, track_noise(0.0, 0.0)))  # type: ignore[arg-type]
             self.confirmed = (self.estimate,)
-            self._append(row)
+            rows.append(row)
             return self.estimate
-        last = self._last
-        self._sum_turn(last, row)
+        last = rows.last
+        rows.sum_turn(last, row)
         confirmed: list[Estimate] = []
-        if self._reach and row[TIME] - last[TIME] > self._gap():
+        if rows.reach and row[TIME] - last[TIME] > rows.gap():
             confirmed += self.finish()
             confirmed.append(self._step(last, row, last, row))
-            self._base = self._count = self._at = 0
-            self._smoothed = row
-            self._append(row)
+            self._at, self._smoothed = 0, row
+            rows.restart(row)
         else:
-            self._append(row)
-            if self._base + self._count - 1 - self._reach > self._at:
-                confirmed.append(self._confirm(self._smooth_row(self._at + 1)))
+            rows.append(row)
+            if rows.newest - rows.reach > self._at:
+                confirmed.append(self._confirm(rows.smooth_row(self._at + 1)))
         self.confirmed = tuple(confirmed)
-        behind = self._base + self._count - 1 > self._at
-        self.estimate = self._step(self._raw(self._at), row, self._smoothed, row, keep=False) if behind else confirmed[-1]
+        behind = rows.newest > self._at
+        self.estimate = self._step(rows.raw(self._at), row, self._smoothed, row, keep=False) if behind else confirmed[-1]
         return self.estimate
 
     def finish(self) -> tuple[Estimate, ...]:
@@ -220,15 +166,15 @@ class OdometryFilter:
         Returns:
             Their estimates, oldest first; none without smoothing.
         """
-        last = self._base + self._count - 1
-        if self._track is None or last <= self._at:
+        rows = self._rows
+        if self._track is None or rows.newest <= self._at:
             return ()
-        rows = self._rows[: self._count]
-        short = smooth(rows[:, TIME], rows, self.window) if last < self._reach else None
+        short = rows.smooth_short()
         found = []
-        while self._at < last:
-            found.append(self._confirm(self._smooth_row(self._at + 1) if short is None else short[self._at + 1]))
-        self._base, self._count, self._at, self._rows[0] = 0, 1, 0, self._last
+        while self._at < rows.newest:
+            found.append(self._confirm(rows.smooth_row(self._at + 1) if short is None else short[self._at + 1]))
+        self._at = 0
+        rows.restart(rows.last)
         return tuple(found)
 
     def state(self) -> dict[str, Any]:
@@ -246,8 +192,8 @@ class OdometryFilter:
                 "window": self.window,
                 "joint_error": self.joint_error,
             },
-            "rows": _numbers(self._rows[: self._count]),
-            "base": self._base,
+            "rows": _numbers(self._rows.rows[: self._rows.count]),
+            "base": self._rows.base,
             "at": self._at,
             "smoothed": _numbers(self._smoothed),
             "track": None if self._track is None else _numbers(self._track),
@@ -288,9 +234,9 @@ class OdometryFilter:
                 joint_error=settings["joint_error"],
             )
             rows = _array(state["rows"]).reshape(-1, SIZE)
-            made._count = len(rows)
-            made._rows[: made._count] = rows
-            made._base, made._at = int(state["base"]), int(state["at"])
+            made._rows.count = len(rows)
+            made._rows.rows[: len(rows)] = rows
+            made._rows.base, made._at = int(state["base"]), int(state["at"])
             made._smoothed = _array(state["smoothed"])
             made._track = None if state["track"] is None else _array(state["track"]).reshape(at.T_SIZE)
             made._stepped, made._by_rate = bool(state["stepped"]), state["by_rate"]
@@ -301,83 +247,9 @@ class OdometryFilter:
             raise RockerbogieError(f"the state is incomplete or damaged: {error}") from None
         return made
 
-    @property
-    def _last(self) -> Array:
-        """Return a copy of the newest row of sensor readings."""
-        return np.array(self._rows[self._count - 1])
-
-    def _raw(self, k: int) -> Array:
-        """Return row k of the stretch."""
-        return np.array(self._rows[k - self._base])
-
-    def _row(self, t: float, joints: Mapping[str, ArrayLike], imu: Mapping[str, ArrayLike]) -> Array:
-        """Return the readings as a row, or raise."""
-        row = np.full(SIZE, np.nan)
-        for given, known, what in ((joints, JOINTS, "joints"), (imu, IMU, "imu")):
-            unknown = given.keys() - known.keys()
-            if unknown:
-                raise RockerbogieError(f"{what} holds {min(unknown)!r}; it may hold {', '.join(known)}")
-            for name, (first, width) in known.items():
-                value = given.get(name)
-                if value is None:
-                    continue
-                try:
-                    row[first : first + width] = value
-                except (TypeError, ValueError):
-                    raise RockerbogieError(f"{name} is {value!r:.60}; give {width} numbers") from None
-        by_rate = joints.get("wheel_angle") is None
-        if not np.isfinite(row[WHEEL : WHEEL + 6]).all():
-            raise RockerbogieError("joints holds neither wheel_angle nor wheel_rate of all six wheels, finite: give one of them")
-        if self._by_rate is not None and by_rate != self._by_rate:
-            raise RockerbogieError("joints changes between wheel_angle and wheel_rate: give the one of the first row")
-        if not np.isfinite(t) or (self._count and not t > self._rows[self._count - 1, TIME]):
-            raise RockerbogieError(f"t is {t!r} s; it must be greater than that of the last row")
-        self._by_rate = by_rate
-        row[TIME] = t
-        row[STEERING : STEERING + 6][~self.rover.steers] = 0.0 if np.isfinite(row[STEERING : STEERING + 6]).any() else np.nan
-        row[TURN : TURN + 3] = 0.0
-        return row
-
-    def _append(self, row: Array) -> None:
-        """Append a row; drop those that no later one needs."""
-        if self._count == len(self._rows):
-            kept = 2 * self._reach + 2
-            self._rows[:kept] = self._rows[self._count - kept :].copy()
-            self._base += self._count - kept
-            self._count = kept
-        self._rows[self._count] = row
-        self._count += 1
-
-    def _sum_turn(self, last: Array, row: Array) -> None:
-        """Set the derived columns of a row: heading without wraps, and turns summed since the first."""
-        yaw = row[ATTITUDE + 2]
-        if np.isfinite(yaw) and np.isfinite(last[ATTITUDE + 2]):
-            row[ATTITUDE + 2] = yaw + 2 * np.pi * np.round((last[ATTITUDE + 2] - yaw) / (2 * np.pi))
-        row[TURN : TURN + 3] = last[TURN : TURN + 3]
-        if self._reach:
-            row[TURN : TURN + 3] += _turn(last, row)
-
-    def _gap(self) -> float:
-        """Return the step in time beyond which a stretch ends, s."""
-        steps = np.diff(self._rows[: self._count, TIME])
-        return max(GAP_STEPS * float(np.median(steps)), GAP_TIME) if len(steps) else float("inf")
-
-    def _smooth_row(self, k: int) -> Array:
-        """Return row k of the stretch, smoothed; rows beyond either end are mirrored about it."""
-        index = np.arange(k - self._reach, k + self._reach + 1)
-        last = self._base + self._count - 1
-        rows = self._rows[np.where(index < 0, -index, np.where(index > last, 2 * last - index, index)) - self._base]
-        if index[0] < 0:
-            rows[index < 0] = 2 * self._rows[0] - rows[index < 0]
-        if index[-1] > last:
-            rows[index > last] = 2 * self._rows[self._count - 1] - rows[index > last]
-        smoothed = np.asarray(self._kernel @ rows)
-        smoothed[TIME] = self._rows[k - self._base, TIME]
-        return smoothed
-
     def _confirm(self, smoothed: Array) -> Estimate:
         """Continue the track by the next row, which becomes final, and return the estimate there."""
-        a, b = self._raw(self._at), self._raw(self._at + 1)
+        a, b = self._rows.raw(self._at), self._rows.raw(self._at + 1)
         found = self._step(a, b, self._smoothed, smoothed)
         self._at, self._smoothed = self._at + 1, smoothed
         return found
@@ -394,32 +266,7 @@ class OdometryFilter:
 
     def _reading(self, a: Array, b: Array, A: Array, B: Array, dt: float) -> Array:
         """Return the readings (1, R_SIZE) of the interval between rows a and b, smoothed A and B."""
-        middle, rate = 0.5 * (b + a), (B - A) / dt
-        reading = np.full((1, at.R_SIZE), np.nan)
-        r = reading[0]
-        r[at.R_WHEEL : at.R_WHEEL + 6] = (middle if self._by_rate else rate)[WHEEL : WHEEL + 6]
-        r[at.R_STEERING : at.R_STEERING + 9] = 0.0  # steering, its rate up to the bogies: 0 where they are not measured
-        r[at.R_STEERING : at.R_STEERING + 6] = _or_zero(middle[STEERING : STEERING + 6])
-        r[at.R_STEERING_RATE : at.R_STEERING_RATE + 6] = _or_zero(rate[STEERING : STEERING + 6])
-        r[at.R_ROCKER : at.R_ROCKER + 3] = _or_zero(middle[ROCKER : ROCKER + 3])
-        r[at.R_ROCKER_RATE : at.R_ROCKER_RATE + 3] = rate[ROCKER : ROCKER + 3]
-        tilt, heading = middle[ATTITUDE : ATTITUDE + 2], middle[ATTITUDE + 2]
-        tilted, headed = bool(np.isfinite(tilt).all()), bool(np.isfinite(heading))
-        gyro = middle[GYRO : GYRO + 3]
-        if tilted and headed:
-            turn = rate[TURN : TURN + 3]
-            if not self._reach:
-                turn = _turn(a, b) / dt
-            r[at.R_GYRO : at.R_GYRO + 3] = turn
-        elif np.isfinite(gyro).any():
-            r[at.R_GYRO : at.R_GYRO + 3] = gyro
-        elif headed and not tilted:  # a compass: only the angular velocity about z
-            r[at.R_GYRO + 2] = rate[ATTITUDE + 2]
-        if tilted:
-            r[at.R_TILT : at.R_TILT + 2] = tilt
-            if not headed:
-                r[at.R_TILT_RATE : at.R_TILT_RATE + 2] = rate[ATTITUDE : ATTITUDE + 2]
-        return reading
+        return interval_reading(a, b, A, B, dt, by_rate=bool(self._by_rate), smoothed=self._rows.reach > 0)
 
     def _step(self, a: Array, b: Array, A: Array, B: Array, *, keep: bool = True) -> Estimate:
         """Return the estimate at row b, one row after a; A and B are these rows smoothed.
@@ -475,23 +322,12 @@ class OdometryFilter:
             nothing if motion is None else motion.residual[0, :, 0],
             nothing if motion is None else motion.residual[0, :, 1],
             nothing if motion is None else motion.contact_angle[0],
-            _or_zero(row[STEERING : STEERING + 6]),
-            float(_or_zero(row[ROCKER])),
-            _or_zero(row[BOGIE : BOGIE + 2]),
+            or_zero(row[STEERING : STEERING + 6]),
+            float(or_zero(row[ROCKER])),
+            or_zero(row[BOGIE : BOGIE + 2]),
             float(length[0]),
             float(length[1]),
         )
-
-
-def _or_zero(values: Array) -> Array:
-    """Return values with 0 for NaN."""
-    return np.where(np.isnan(values), 0.0, values)
-
-
-def _turn(a: Array, b: Array) -> Array:
-    """Return the rotation vector (3,) between the attitudes of two rows; 0 if one has none."""
-    both = np.stack([a[ATTITUDE : ATTITUDE + 3], b[ATTITUDE : ATTITUDE + 3]])
-    return turns(both)[0] if np.isfinite(both).all() else np.zeros(3)
 
 
 def _numbers(values: Array) -> Any:

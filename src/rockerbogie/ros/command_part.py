@@ -11,7 +11,7 @@ from std_msgs.msg import Float64MultiArray
 
 from ..arrays import Array
 from ..errors import RockerbogieError
-from ..logs.odometry_filter import Estimate
+from ..logs.estimate import Estimate
 from ..motion.wheel_controller import WheelCommand, WheelController
 from ..rover.model import Rover
 from .joints import MotorNames

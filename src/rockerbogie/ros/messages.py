@@ -14,9 +14,11 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Imu as ImuMessage
 
 from ..arrays import Array
+from ..errors import RockerbogieError
+from ..logs.estimate import Estimate
 from ..logs.mcap import UNMEASURED
-from ..logs.odometry_filter import Estimate
-from ..logs.sensor_checks import attitude_of, turn_attitude
+from ..logs.sensor_checks import NED, attitude_of, turn_attitude
+from ..rover.rotations import body_transform
 from .intake import Imu
 
 #: Levels of a diagnosis, from best to worst.
@@ -61,6 +63,28 @@ def destroy(node: Any, made: Any) -> None:
     for kind in ("publisher", "subscription", "timer"):
         if type(made).__name__.lower().endswith(kind):
             getattr(node, f"destroy_{kind}")(made)
+
+
+def imu_axes(frame: str, mounting: Sequence[float]) -> tuple[Array | None, Array | None]:
+    """Return the axes of an IMU as `imu_reading` takes them.
+
+    Args:
+        frame: its reference axes, "enu" or "ned".
+        mounting: roll, pitch, yaw of the IMU in the body, rad.
+
+    Returns:
+        World and body axes, (3, 3) each; `None` where they need no change.
+
+    Raises:
+        RockerbogieError: another frame.
+    """
+    if frame not in ("enu", "ned"):
+        raise RockerbogieError(f"imu_frame is {frame!r}; give 'enu' or 'ned'")
+    if frame == "enu" and not any(mounting):
+        return None, None
+    world, axes = NED if frame == "ned" else (np.eye(3), np.eye(3))
+    roll, pitch, yaw = mounting
+    return world, body_transform(0, 0, 0, roll, pitch, yaw)[:3, :3] @ axes
 
 
 def imu_reading(message: ImuMessage, stamp: float, world: Array | None, body: Array | None) -> Imu:

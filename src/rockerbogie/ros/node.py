@@ -2,45 +2,38 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.parameter import Parameter, parameter_value_to_python
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.parameter import parameter_value_to_python
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
 from sensor_msgs.msg import Imu as ImuMessage
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from .._kernels.jit.uncompiled import compile_first
 from ..errors import RockerbogieError
-from ..files.outputs import SOURCE, check_outputs
-from ..logs.odometry_filter import Estimate, OdometryFilter
-from ..logs.sensor_checks import NED
+from ..logs.estimate import Estimate
+from ..logs.odometry_filter import OdometryFilter
 from ..rover.formats import load_rover, to_urdf
 from ..rover.model import Rover
-from ..rover.rotations import body_transform
 from . import messages
 from .command_part import CommandPart
-from .costmap_part import CostMapPart
+from .costmap_part import LATCHED, CostMapPart
 from .health import diagnoses
 from .intake import AGREEING, Intake, Row
 from .joints import JointReader, MotorNames, parse_names, read_description
 from .parameters import PARAMETERS
+from .track_file import load_track, save_track
 
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL, reliability=ReliabilityPolicy.RELIABLE)
 #: Seconds between two log messages on the same kind of event.
 QUIET = 5.0
 #: Longest wait of a row for the IMU reading of its time, s.
@@ -152,7 +145,7 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
         self.active = False
         if self.cost_map is not None:
             self.cost_map.active = False
-        self._save()
+        self.save()
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> Any:
@@ -178,7 +171,7 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
         """
         if self.rover is not None:
             self.stop()
-            self._save()
+            self.save()
         self.active = False
         self._release()
         return SUCCESS
@@ -199,13 +192,7 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
         self.intake = Intake(self.rover, self.value("most_speed"), self.value("use_imu"), patience)
         self.reader, self.motors = JointReader(self.rover, names), MotorNames.of(self.rover, names)
         self.odometer = self._new_odometer(self.rover)
-        frame, mounting = self.value("imu_frame"), self.value("imu_mounting")
-        if frame not in ("enu", "ned"):
-            raise RockerbogieError(f"imu_frame is {frame!r}; give 'enu' or 'ned'")
-        self._imu_axes: tuple[Any, Any] = (None, None)
-        if frame == "ned" or any(mounting):
-            world, axes = NED if frame == "ned" else (np.eye(3), np.eye(3))
-            self._imu_axes = (world, body_transform(0, 0, 0, *mounting)[:3, :3] @ axes)
+        self._imu_axes = messages.imu_axes(self.value("imu_frame"), self.value("imu_mounting"))
         self.estimate: Estimate | None = None
         self.failures = 0
         self.received, self._unstamped = Counter[str](), Counter[str]()
@@ -215,12 +202,7 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
     def _new_odometer(self, rover: Rover) -> OdometryFilter:
         """Return the filter: continued from the state file, if it exists."""
         file = self.value("state_file")
-        if file and Path(file).exists():
-            try:
-                state = json.loads(Path(file).read_text(encoding="utf-8"))
-                found = OdometryFilter.from_state(rover, state["filter"])
-            except (OSError, ValueError, KeyError, TypeError) as error:
-                raise RockerbogieError(f"state_file {file!r} cannot be used: {error}") from None
+        if (found := load_track(rover, file)) is not None:
             self.get_logger().info(f"the track continues from {file}")
             return found
         x, y, z = self.value("start_position")
@@ -379,19 +361,15 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
         if self.active:
             self.state.publish(messages.diagnostics(self.get_clock().now().to_msg(), diagnoses(self)))
 
-    def _save(self) -> None:
-        """Write the filter's state to the state file."""
+    def save(self) -> None:
+        """Write the filter's state to the state file, if there is one."""
         file = self.value("state_file")
         if not file or self.rover is None:
             return
         try:
-            check_outputs([file])
-            text = json.dumps({"source": SOURCE, "filter": self.odometer.state()})
-            part = Path(f"{file}.part")
-            part.write_text(text, encoding="utf-8")
-            part.replace(file)
-        except (OSError, RockerbogieError) as error:
-            self.get_logger().error(f"the track was not saved: {error}")
+            save_track(self.odometer, file)
+        except RockerbogieError as error:
+            self.get_logger().error(str(error))
 
     def on_description(self, message: String) -> None:
         """Take the robot description, and start.
@@ -403,64 +381,16 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
             self.destroy_subscription(self._waiting_for_description)
             self._waiting_for_description = None
             self._description = message.data
-            start(self)
+            self.start()
 
-    def wait_for_description(self) -> None:
-        """Subscribe to robot_description, and start when it comes."""
-        self.get_logger().info("waiting for robot_description")
-        self._waiting_for_description = self.create_subscription(String, "robot_description", self.on_description, LATCHED)
+    def start(self) -> bool:
+        """Configure and activate the node, now or when robot_description comes.
 
-
-def start(node: RoverNode) -> bool:
-    """Configure and activate a node.
-
-    Args:
-        node: unconfigured.
-
-    Returns:
-        True if it is active, or waits for a robot description; False if a parameter is wrong.
-    """
-    if not (node.value("rover") or node.value("robot_description") or node._description):
-        node.wait_for_description()
-        return True
-    return bool(node.trigger_configure() == SUCCESS and node.trigger_activate() == SUCCESS)
-
-
-def main(args: Sequence[str] | None = None, name: str = "rockerbogie", values: Mapping[str, Any] | None = None) -> int:
-    """Start ROS 2, make the node, and run it until it is interrupted or ROS shuts down.
-
-    At the end the wheels are stopped, the track is saved to `state_file` if one is set, and ROS is shut down.
-
-    Args:
-        args: ROS arguments, such as --ros-args -p rover:=osr; `None` for those of the process.
-        name: name of the node.
-        values: parameters by name. They take precedence over those of `args`.
-
-    Returns:
-        Exit code: 0, or 2 if the node does not start because a parameter is wrong.
-
-    Raises:
-        RockerbogieError: ROS does not start.
-    """
-    try:
-        rclpy.init(args=None if args is None else ["rockerbogie", *args])
-        overrides = [Parameter(key, value=value) for key, value in (values or {}).items()]
-        node = RoverNode(name, parameter_overrides=overrides)
-    except (RuntimeError, ValueError) as error:
-        raise RockerbogieError(f"ROS does not start: {error}") from None
-    try:
-        if node.value("autostart") and not start(node):
-            return 2
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        with compile_first():
-            executor.spin()
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        if rclpy.ok() and node.rover is not None:
-            node.stop()
-        node._save()
-        node.destroy_node()
-        rclpy.try_shutdown()
-    return 0
+        Returns:
+            True if it is active, or waits for a robot description; False if a parameter is wrong.
+        """
+        if not (self.value("rover") or self.value("robot_description") or self._description):
+            self.get_logger().info("waiting for robot_description")
+            self._waiting_for_description = self.create_subscription(String, "robot_description", self.on_description, LATCHED)
+            return True
+        return bool(self.trigger_configure() == SUCCESS and self.trigger_activate() == SUCCESS)
