@@ -159,3 +159,62 @@ def test_a_rover_that_stops_keeps_its_steering():
 def test_wrong_calls_are_refused(call, message):
     with pytest.raises(rb.RockerbogieError, match=message):
         call(rb.WheelController(rb.load_rover("osr")))
+
+
+def test_efforts_make_loaded_wheels_slower():
+    """Compare the change of the rates with the rule over time and at its limit."""
+    rover = rb.load_rover("curiosity")
+    twist, dt, effort = rb.straight(0.1), 0.04, np.array([50.0, -20.0, 0.0, 10.0, 5.0, 15.0])
+    plain = rb.WheelController(rover).command(twist, dt=dt).wheel_rates
+    controller = rb.WheelController(rover, sharing_speed=0.01)
+    dev = (effort.mean() - effort) / (9.81 * rover.mass * rover.wheel_radius / 6)
+    for k in range(1, 4):
+        rates = controller.command(twist, dt=dt, effort=effort).wheel_rates
+        assert_close(rates - plain, 0.01 * dev * (1 + k * dt / 0.4) / rover.wheel_radius, 1e-12, "rad/s", f"step {k}")
+        assert_close(controller.trim, rates - plain, 1e-15, "rad/s", "the trim stated")
+    for _ in range(4000):
+        rates = controller.command(twist, dt=dt, effort=effort).wheel_rates
+    assert_close(rates, plain * (1 + 0.2 * np.sign(dev)), 1e-12, "rad/s", "a lasting difference ends at the limit")
+    back = controller.command(-twist, dt=dt, effort=effort)
+    assert (np.abs(back.wheel_rates + plain) <= 0.2 * np.abs(plain) + 1e-12).all()
+    assert_close(controller.command(np.zeros(6), dt=dt, effort=effort).wheel_rates, 0.0, 0.0, "rad/s", "a standing rover stands")
+    assert_close(controller.command(twist, dt=dt).wheel_rates, plain, 0.0, "rad/s", "without efforts there is no trim")
+
+
+def test_wheels_without_effort_keep_their_rates():
+    rover, twist = rb.load_rover("osr"), rb.straight(0.1)
+    plain = rb.WheelController(rover).command(twist).wheel_rates
+    some = rb.WheelController(rover).command(twist, effort=[1.0, np.nan, -1.0, np.nan, np.nan, 0.0]).wheel_rates
+    assert (some[[1, 3, 4, 5]] == plain[[1, 3, 4, 5]]).all()
+    assert some[0] < plain[0]
+    assert some[2] > plain[2]
+    one = rb.WheelController(rover).command(twist, effort=[1.0, *[np.nan] * 5]).wheel_rates
+    assert (one == plain).all(), "one torque alone cannot be compared"
+    off = rb.WheelController(rover, sharing_limit=0.0).command(twist, effort=np.arange(6.0)).wheel_rates
+    assert (off == plain).all()
+
+
+def test_wrong_contact_angles_change_rates_by_a_bounded_share():
+    """Give angles for which six wheels in contact would need several times the rate."""
+    rover, twist = rb.load_rover("curiosity"), rb.straight(0.1)
+    plain = rb.WheelController(rover).command(twist).wheel_rates
+    rng, largest = np.random.default_rng(2), 0.0
+    for _ in range(100):
+        command = rb.WheelController(rover).command(twist, contact_angle=rng.uniform(-0.9, 0.9, 6))
+        if not command.waiting:
+            largest = max(largest, float(np.abs(command.wheel_rates / (command.speed_scale * plain) - 1).max()))
+    assert 0.59 < largest <= 0.6 + 1e-12
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [({"sharing_speed": -1.0}, "sharing_speed"), ({"sharing_limit": 1.0}, "sharing_limit"), ({"sharing_speed": np.nan}, "m/s")],
+)
+def test_a_wrong_gain_of_load_sharing_is_refused(options, says):
+    with pytest.raises(rb.RockerbogieError, match=says):
+        rb.WheelController(rb.load_rover("osr"), **options)
+
+
+def test_efforts_of_another_shape_are_refused():
+    with pytest.raises(rb.RockerbogieError, match=r"effort has shape \(5,\); give \(6,\)"):
+        rb.WheelController(rb.load_rover("osr")).command(rb.straight(0.1), effort=np.zeros(5))

@@ -57,6 +57,15 @@ def test_a_mapping_reads_positions_and_rates():
     assert np.isnan(reader.read(["fl"], [float("nan")], [])["wheel_angle_LF"])
 
 
+def test_efforts_of_wheels_are_read_with_their_signs():
+    reader = JointReader(ROVER, parse_names(["fl=-wheel_LF_joint"]))
+    found = reader.efforts(["fl", "wheel_RM_joint", "steer_LF_joint"], [2.0, 3.0, 4.0])
+    assert found == {ROVER.wheel_names.index("LF"): -2.0, ROVER.wheel_names.index("RM"): 3.0}
+    assert reader.efforts(["fl"], []) == {}
+    with pytest.raises(rb.RockerbogieError, match="1 names and 2 values of effort"):
+        reader.efforts(["fl"], [1.0, 2.0])
+
+
 @pytest.mark.parametrize("pair", ["fl", "=wheel_LF", "fl="])
 def test_wrong_pairs_are_refused(pair):
     with pytest.raises(rb.RockerbogieError, match="THEIRS=OURS"):

@@ -120,6 +120,43 @@ def test_commands_are_those_of_the_controller():
     assert len(steering[-1][1].data) == int(ROVER.steers.sum())
 
 
+def test_efforts_of_joint_states_share_the_load():
+    """Send efforts: rates change by the controller's rule until the efforts are stale."""
+    from geometry_msgs.msg import Twist
+    from sensor_msgs.msg import JointState
+    from std_msgs.msg import Float64MultiArray
+
+    names = ["drive_fr=-wheel_RF_joint"]
+    effort = np.array([0.6, -0.2, 0.1, 0.0, float("nan"), 0.0])
+    index = {name: k for k, name in enumerate(ROVER.wheel_names)}
+    signs = np.ones(6)
+    signs[index["RF"]] = -1.0
+    with Bench(rover="osr", joint_names=names, share_load=True, use_imu=False, cmd_vel_timeout=30.0) as bench:
+        send = bench.publisher(Twist, "cmd_vel")
+        joints = bench.publisher(JointState, "joint_states")
+        wheels = bench.record(Float64MultiArray, "wheel_velocity_controller/commands")
+        twist = Twist()
+        twist.linear.x = 0.05
+        message = JointState(name=[f"wheel_{w}_joint" if w != "RF" else "drive_fr" for w in ROVER.wheel_names])
+        message.position, message.effort = [0.0] * 6, (signs * effort).tolist()
+        message.header.stamp = bench.node.get_clock().now().to_msg()
+        bench.send(joints, message, "joint states", 0)
+        send.publish(twist)
+        bench.until(lambda: bool(wheels), "commands")
+        first = np.array(wheels[0][1].data)
+        bench.spin(0.8)
+        stale = np.array(wheels[-1][1].data)
+        message.effort = [1.0]
+        message.header.stamp = bench.node.get_clock().now().to_msg()
+        bench.send(joints, message, "joint states", 0)
+        assert "joint states" in bench.node._logged, "efforts of another number are reported"
+    plain = rb.WheelController(ROVER).command([0.05, 0.0, 0.0]).wheel_rates
+    want = rb.WheelController(ROVER).command([0.05, 0.0, 0.0], dt=0.02, effort=effort).wheel_rates
+    assert_close(first, signs * want, 1e-9, "rad/s", "rates with the load shared")
+    assert np.abs(want - plain).max() > 0.01 * plain.max(), "efforts change the rates"
+    assert_close(stale, signs * plain, 1e-9, "rad/s", "efforts older than 0.5 s are not used")
+
+
 def test_the_node_survives_faulty_sensors_and_reports_them(bag):
     """Lose, double and spoil messages, set the clock back, restart counters, end the IMU."""
     from diagnostic_msgs.msg import DiagnosticArray

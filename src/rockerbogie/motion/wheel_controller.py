@@ -17,6 +17,14 @@ Array = NDArray[np.float64]
 
 #: Least speed that is a wish to move, m/s and rad/s.
 STANDING = 1e-9
+#: Gravity by which torques are compared, m/s².
+GRAVITY = 9.81
+#: Largest difference of a wheel's rate by its contact angle from its rate on the plane of the wheels, as a share of the latter.
+#: Contact angles with errors can give several times the rate that a wheel needs on a rock.
+MOST_CLIMBING = 0.6
+#: Load sharing: change of the rim speed, m/s, of a wheel whose torque differs from the mean by g m r / 6 (mass m, wheel radius
+#: r); time after which a lasting difference has doubled that change, s; largest change as a share of the wheel's rate.
+SHARING_SPEED, SHARING_TIME, MOST_SHARING = 0.02, 0.4, 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +47,14 @@ class WheelController:
     While a wheel is off its angle by more than `aligned`, the rover slows down; from `waiting` on it stands. All wheels are
     slowed alike, so that the path does not change.
 
+    On rough terrain, six motors that hold rates which do not fit each other work against each other: wheels slip, and odometry
+    is too long. Measured motor torques (`effort`) reduce this: a wheel whose torque exceeds the mean runs slower, and the others
+    faster, by a proportional-integral rule within `sharing_limit`. The default gain is stable for motors that hold their rate
+    with a time constant of 0.02 s or more, if commands follow within 0.04 s of the measurement.
+
     Attributes:
         steering: (6,) present steering angles, rad: those measured, or those commanded so far.
+        trim: (6,) change of the wheel rates by the last efforts, rad/s; 0 without efforts.
     """
 
     def __init__(
@@ -52,6 +66,8 @@ class WheelController:
         steering_rate_limit: float = np.inf,
         aligned: float = np.radians(3.0),
         waiting: float = np.radians(15.0),
+        sharing_speed: float = SHARING_SPEED,
+        sharing_limit: float = MOST_SHARING,
     ) -> None:
         """Make a controller for a rover with straight wheels.
 
@@ -62,9 +78,11 @@ class WheelController:
             steering_rate_limit: largest rate of a steering motor, rad/s.
             aligned: steering error up to which the rover drives at full speed, rad.
             waiting: steering error from which it stands, rad, above `aligned`.
+            sharing_speed: change of the rim speed, m/s, of a wheel whose effort differs from the mean by g m r / 6.
+            sharing_limit: largest change as a share of the wheel's rate, from 0 (efforts are not used) to below 1.
 
         Raises:
-            RockerbogieError: not a rover, or a limit that is not above 0.
+            RockerbogieError: not a rover, a limit that is not above 0, or a gain or share out of its range.
         """
         expect(rover, Rover, "rover", LOAD_ROVER)
         limit = np.array(np.broadcast_to(np.asarray(steering_limit, dtype=float), (6,)))
@@ -72,10 +90,18 @@ class WheelController:
             raise RockerbogieError("steering_limit, wheel_rate_limit and steering_rate_limit must be above 0 (rad, rad/s)")
         if not 0 <= aligned < waiting:
             raise RockerbogieError(f"aligned is {aligned!r} and waiting {waiting!r} rad; give 0 <= aligned < waiting")
+        if not (0 <= sharing_speed < np.inf and 0 <= sharing_limit < 1):
+            raise RockerbogieError(
+                f"sharing_speed is {sharing_speed!r} m/s and sharing_limit {sharing_limit!r}; give a speed of 0 or above, and a "
+                "share from 0 to below 1"
+            )
         self.rover = rover
+        self.sharing_speed, self.sharing_limit = sharing_speed, sharing_limit
         self.steering_limit, self.wheel_rate_limit, self.steering_rate_limit = limit, wheel_rate_limit, steering_rate_limit
         self.aligned, self.waiting = aligned, waiting
         self.steering = np.zeros(6)
+        self.trim = np.zeros(6)
+        self._lasting = np.zeros(6)  # integral part of the change of the rim speeds, m/s
         self._commanded: Array | None = None
 
     def command(
@@ -87,6 +113,7 @@ class WheelController:
         rocker: float = 0.0,
         bogie: ArrayLike = (0.0, 0.0),
         contact_angle: ArrayLike | None = None,
+        effort: ArrayLike | None = None,
     ) -> WheelCommand:
         """Compute commands for a wanted twist.
 
@@ -97,10 +124,11 @@ class WheelController:
             rocker: rad.
             bogie: (2,) rad.
             contact_angle: (6,) rad, as of `Estimate`; default and NaN: those of a rover on its plane of wheels (0 on flat
-                terrain).
+                terrain). A wheel's rate differs by at most 60 % from that on the plane.
+            effort: (6,) measured motor torques, forward positive, N·m; NaN where there is none. Default: no load sharing.
 
         Returns:
-            The commands.
+            The commands. Their twist is that before load sharing.
 
         Raises:
             RockerbogieError: a twist that is not finite, or a shape that does not fit.
@@ -123,6 +151,9 @@ class WheelController:
             raise RockerbogieError(f"contact_angle has shape {contact.shape}; give (6,)")
         present = self.steering
         reading[at.R_STEERING : at.R_STEERING + 6] = present
+        torque = None if effort is None else np.asarray(effort, dtype=float)
+        if torque is not None and torque.shape != (6,):
+            raise RockerbogieError(f"effort has shape {torque.shape}; give (6,)")
         level = self._level(reading)
         contact = np.where(np.isfinite(contact), contact, level) if contact_angle is not None else level
         moving = bool(np.abs(wanted).max() > STANDING)
@@ -138,6 +169,11 @@ class WheelController:
         if dt is not None and np.isfinite(ahead):  # and by what it rolls about a steering axis beside it
             reading[at.R_STEERING_RATE : at.R_STEERING_RATE + 6] = (commanded - before) / dt
         _, motion, rates, _ = self._run(reading, contact, share * wanted, fixed=True)
+        if contact_angle is not None and moving:
+            flat = self._run(reading, level, share * wanted, fixed=True)[2]
+            most = MOST_CLIMBING * np.abs(flat)
+            rates = flat + np.clip(rates - flat, -most, most)
+        rates = rates + self._share(torque, rates, dt)
         fastest = float(np.abs(rates).max())
         slower = min(1.0, self.wheel_rate_limit / fastest) if fastest > 0 else 1.0
         self._commanded = commanded
@@ -146,6 +182,22 @@ class WheelController:
         return WheelCommand(
             slower * rates, commanded, slower * motion[:6], share * slower, moving and share == 0.0, error, free - target
         )  # fmt: skip
+
+    def _share(self, torque: Array | None, rates: Array, dt: float | None) -> Array:
+        """Set and return the changes (6,), rad/s, of rates (6,) that make torques (6,) more equal."""
+        known = np.zeros(6, dtype=bool) if torque is None else np.isfinite(torque)
+        if torque is None or known.sum() < 2:
+            self._lasting, self.trim = np.zeros(6), np.zeros(6)
+            return self.trim
+        radius = self.rover.wheel_radius
+        usual = GRAVITY * self.rover.mass * radius / 6.0  # N·m
+        load = np.where(known, torque / usual, 0.0)
+        speed = np.where(known, self.sharing_speed * (load[known].mean() - load), 0.0)
+        most = self.sharing_limit * np.abs(rates) * radius
+        if dt is not None:
+            self._lasting = np.clip(np.where(known, self._lasting + speed * dt / SHARING_TIME, 0.0), -most, most)
+        self.trim = np.clip(speed + self._lasting, -most, most) / radius
+        return self.trim
 
     def _level(self, reading: Array) -> Array:
         """Return the contact angles (6,) of wheels on planes along the body's x and y."""

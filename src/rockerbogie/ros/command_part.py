@@ -14,6 +14,7 @@ from ..errors import RockerbogieError
 from ..logs.estimate import Estimate
 from ..motion.wheel_controller import WheelCommand, WheelController
 from ..rover.model import Rover
+from .intake import STALE
 from .joints import MotorNames
 from .messages import destroy
 
@@ -24,6 +25,8 @@ class Host(Protocol):
     active: bool
     estimate: Estimate | None
     measured_steering: Array  # (6,) rad, NaN where not measured
+    wheel_effort: Array  # (6,) torques of the wheel motors, N·m, NaN where not measured
+    effort_at: float  # time of the last of them, s
 
     def now(self) -> float:
         """Return the node's time.
@@ -82,6 +85,8 @@ class CommandPart:
             steering_rate_limit=none.get(value("steering_rate_limit"), value("steering_rate_limit")),
             aligned=value("steering_aligned"),
             waiting=value("steering_waiting"),
+            sharing_speed=value("sharing_speed"),
+            sharing_limit=value("sharing_limit"),
         )
         self.command: WheelCommand | None = None
         self.wanted, self._wanted_at, self._sent_at = np.zeros(3), -np.inf, -np.inf
@@ -144,8 +149,11 @@ class CommandPart:
         rocker, bogie = (0.0, np.zeros(2)) if e is None else (e.rocker, e.bogie)
         if steering is not None and not np.isfinite(steering[controller.rover.steers]).all():
             steering = None
+        effort = node.wheel_effort if node.value("share_load") and 0.0 <= now - node.effort_at <= STALE else None
         try:
-            command = controller.command(self.wanted, dt=dt, steering=steering, rocker=rocker, bogie=bogie, contact_angle=contact)
+            command = controller.command(
+                self.wanted, dt=dt, steering=steering, rocker=rocker, bogie=bogie, contact_angle=contact, effort=effort
+            )
         except RockerbogieError as error:
             node.complain("commands", str(error))
             return

@@ -138,6 +138,7 @@ def _commands(part: CommandPart) -> DiagnosticStatus:
         "speed scale": f"{c.speed_scale:.3f}",
         "waiting": str(c.waiting),
         "steering error [deg]": f"{np.degrees(np.abs(c.steering_error).max()):.2f}",
+        "load sharing [rad/s]": ", ".join(f"{v:.4f}" for v in part.controller.trim),
     }
     return status("rockerbogie: commands", level, text, values, rover.name)
 

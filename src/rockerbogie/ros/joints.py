@@ -71,14 +71,41 @@ class JointReader:
         for what, values in (("position", position), ("velocity", velocity)):
             if len(values) not in (0, len(names)):
                 raise RockerbogieError(f"a joint state has {len(names)} names and {len(values)} values of {what}")
+        matches = self._matches(names, velocity)
+        given = dict(zip(names, position, strict=False)) | {f"{n}.rate": v for n, v in zip(names, velocity, strict=False)}
+        return {ours: m.sign * float(given[m.column]) for ours, m in matches.items() if m.column in given}
+
+    def _matches(self, names: Sequence[str], velocity: Sequence[float]) -> dict[str, Match]:
+        """Return our columns -> theirs of the joints of a message, with or without velocities."""
         columns = (*names, *(f"{n}.rate" for n in names)) if len(velocity) else tuple(names)
         matches = self._known.get(columns)
         if matches is None:
             mine = {theirs: ours for theirs, ours in self.names.items() if theirs in names or f"{theirs}_joint" in names}
             matches = match_columns({TOPIC: columns}, self.rover, mine, "the joint state", LogReport())
             self._known[columns] = matches
-        given = dict(zip(names, position, strict=False)) | {f"{n}.rate": v for n, v in zip(names, velocity, strict=False)}
-        return {ours: m.sign * float(given[m.column]) for ours, m in matches.items() if m.column in given}
+        return matches
+
+    def efforts(self, names: Sequence[str], effort: Sequence[float]) -> dict[int, float]:
+        """Return the torques of the wheel motors in a message that `read` has read.
+
+        Args:
+            names: joints of the message.
+            effort: N·m, as long as the names, or empty.
+
+        Returns:
+            Index of the wheel -> N·m, forward positive; NaN as it came.
+
+        Raises:
+            RockerbogieError: lists of different lengths.
+        """
+        if len(effort) not in (0, len(names)):
+            raise RockerbogieError(f"a joint state has {len(names)} names and {len(effort)} values of effort")
+        if not len(effort):
+            return {}
+        matches = self._matches(names, ())
+        given = dict(zip(names, effort, strict=True))
+        angles = ((i, matches.get(f"wheel_angle_{w}")) for i, w in enumerate(self.rover.wheel_names))
+        return {i: m.sign * float(given[m.column]) for i, m in angles if m is not None and m.column in given}
 
 
 @dataclass(frozen=True)

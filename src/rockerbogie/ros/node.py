@@ -196,7 +196,8 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
         self.estimate: Estimate | None = None
         self.failures = 0
         self.received, self._unstamped = Counter[str](), Counter[str]()
-        self.joints_at, self.measured_steering = -np.inf, np.full(6, np.nan)
+        self.joints_at = self.effort_at = -np.inf
+        self.measured_steering, self.wheel_effort = np.full(6, np.nan), np.full(6, np.nan)
         self._connect(self.rover)
 
     def _new_odometer(self, rover: Rover) -> OdometryFilter:
@@ -221,9 +222,7 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
                 self.get_logger().warning("tf2_msgs is not installed: /tf is not published")
             else:
                 self.tf = self.create_lifecycle_publisher(self._transforms, "/tf", 100)
-        self._made = [self.odom, self.state]
-        if self.tf is not None:
-            self._made.append(self.tf)
+        self._made = [made for made in (self.odom, self.state, self.tf) if made is not None]
         if self.value("publish_robot_description"):
             publisher = self.create_publisher(String, "robot_description", LATCHED)
             publisher.publish(String(data=to_urdf(rover)))
@@ -278,9 +277,13 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
             return
         try:
             values = self.reader.read(message.name, message.position, message.velocity)
+            efforts = self.reader.efforts(message.name, message.effort)
         except RockerbogieError as error:
             self.complain("joint states", str(error))
             return
+        if efforts:
+            self.effort_at = self.joints_at
+            self.wheel_effort[list(efforts)] = list(efforts.values())
         self._take(self.intake.joints(stamp, values))
 
     def _on_imu(self, message: ImuMessage) -> None:

@@ -39,6 +39,11 @@ PARAMETERS: dict[str, Parameter] = {
     "use_contact_angles": Parameter(
         False, "command each wheel by its estimated contact angle, not by the plane of its path", live=True
     ),
+    "share_load": Parameter(
+        False, "slow down wheels whose effort in joint_states, N·m, exceeds the mean of the six; speed up the others", live=True
+    ),
+    "sharing_speed": Parameter(0.02, "change of a rim's speed for an effort that differs from the mean by g m r / 6, m/s"),
+    "sharing_limit": Parameter(0.2, "largest change of a wheel's rate by its effort, as a share of the rate"),
     "steering_limit": Parameter(1.5707963267948966, "largest steering angle to either side, rad"),
     "wheel_rate_limit": Parameter(0.0, "largest rate of a wheel motor, rad/s; 0 for none"),
     "steering_rate_limit": Parameter(0.0, "largest rate of a steering motor, rad/s; 0 for none"),

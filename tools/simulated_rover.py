@@ -1,0 +1,85 @@
+"""Rover simulated by MuJoCo, for tools that close a loop by sensors and commands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+import rockerbogie as rb
+from rockerbogie.simulation.mjcf import build_spec
+from rockerbogie.simulation.rigid_body import Rig
+
+#: Time between commands, s; distance at which a corner is reached, m; largest rates of turn and of the steering motors, rad/s.
+PERIOD, REACHED, TURNING, STEERING_RATE = 0.04, 0.25, 0.1, 0.3
+#: Height above the settled pose at the start, m; time to settle, s; terrain beyond the square, m.
+START_LIFT, STAND, MARGIN = 2e-5, 0.5, 4.0
+
+
+@dataclass
+class Sensors:
+    """Readings at one time."""
+
+    time: float  # s, since the start
+    wheel_angle: np.ndarray  # (6,) rad
+    steering: np.ndarray  # (6,) rad
+    suspension: np.ndarray  # (3,) rocker, left and right bogie, rad
+    effort: np.ndarray  # (6,) torques of the hub motors, N·m
+    quaternion: np.ndarray  # (4,) x, y, z, w of the body
+    gyro: np.ndarray  # (3,) rad/s, in the body
+
+
+class SimulatedRover:
+    """Rover at the corner of a square on `surfaces.mars`, with hub motors that hold their rates.
+
+    Attributes:
+        corners: (4, 2) of the square, m; the last one is the start.
+        length: distance driven so far, m.
+    """
+
+    def __init__(self, name: str, seed: int, rocks: float, side: float, friction: float = 1.0) -> None:
+        self.rover = rb.load_rover(name)
+        terrain = rb.surfaces.mars(seed=seed, k=rocks, size=2 * side + 3 * MARGIN)
+        self.corners = np.array([(side, 0), (side, side), (0, side), (0, 0)], dtype=float) - side / 2
+        pose = rb.settle(self.rover, terrain, *self.corners[-1], 0.0)
+        self.rig = Rig(self.rover, build_spec(self.rover, terrain, friction=friction).compile())
+        self.rig.place(pose, START_LIFT)
+        self.rig.step(STAND)
+        self._begin, self.length = self.rig.data.time, 0.0
+
+    @property
+    def position(self) -> np.ndarray:
+        """True (3,) x, y, z, m."""
+        return np.array(self.rig.data.qpos[:3])
+
+    def read(self) -> Sensors:
+        """Return the sensors' readings."""
+        s = self.rig.record()
+        w, x, y, z = s.body_pose[3:]
+        return Sensors(
+            s.time - self._begin, s.wheel_angle, np.array(s.steering), s.hinge[[0, 2, 3]], s.wheel_torque,
+            np.array([x, y, z, w]), s.body_velocity[3:],
+        )  # fmt: skip
+
+    def move(self, wheel_rates: np.ndarray, steering: np.ndarray) -> None:
+        """Command the motors and advance by `PERIOD`."""
+        before = self.position
+        self.rig.command(wheel_rates, steering)
+        self.rig.step(PERIOD)
+        self.length += float(np.linalg.norm(self.position - before))
+
+
+def wanted(at: np.ndarray, yaw: float, corner: np.ndarray, speed: float) -> tuple[float, float]:
+    """Return speed, m/s, and turn rate, rad/s, towards a corner."""
+    dx, dy = corner - at
+    off = (np.arctan2(dy, dx) - yaw + np.pi) % (2 * np.pi) - np.pi
+    if abs(off) > 0.5:
+        return 0.0, float(np.copysign(TURNING, off))
+    return speed, float(np.clip(0.6 * off, -TURNING, TURNING))
+
+
+def angles(quaternion: np.ndarray) -> tuple[float, float, float]:
+    """Return roll, pitch and yaw, rad."""
+    yaw, pitch, roll = Rotation.from_quat(quaternion).as_euler("ZYX")
+    return float(roll), float(pitch), float(yaw)
