@@ -15,13 +15,15 @@ from ..arrays import Array
 from ..errors import RockerbogieError
 from ..settling.pose import Pose, checked_gravity
 from .contacts import PackedContacts, pack_contacts
+from .held_directions import HeldDirections
 from .loads import solve_loads, wheel_loads
-from .shortfall import shortfall
 
 #: Friction coefficient at which a rover tips rather than slides: a plane of up to 63° holds it.
 GRIP = 2.0
 #: Angle up to which a rover that needs gravity to turn counts as held, rad.
 HELD = 1e-7
+#: Gravity's direction.
+DOWN = np.array([0.0, 0.0, -1.0])
 #: Accuracy of maps: power (of the weight) at which the search for the least friction ends, and largest difference of the
 #: tip margin's bounds, rad.
 MAP_GAP, MAP_MARGIN = 1e-7, 1e-3
@@ -98,8 +100,7 @@ def stability(pose: Pose, *, gravity: float | None = None, friction: float = GRI
     parallel_for(
         kernel.stability_batch, n, *packed, float(friction), MARGIN, margin, bound, direction, stays, slides, angle, energy
     )  # fmt: skip
-    angle_to_hold = _tip_angles(packed, margin, friction)
-    margin[angle_to_hold < 0.0] = 0.0
+    angle_to_hold = _tip_angles(packed, friction, margin, direction, stays, slides)
     shape = pose.shape
     return Stability(
         tip_angle=angle_to_hold.reshape(shape),
@@ -114,16 +115,31 @@ def stability(pose: Pose, *, gravity: float | None = None, friction: float = GRI
     )
 
 
-def _tip_angles(packed: PackedContacts, margin: Array, friction: float) -> Array:
-    """Return the margins (n,), rad, below 0 where no forces hold the rover.
+def _tip_angles(
+    packed: PackedContacts, friction: float, margin: Array, direction: Array, stays: NDArray[np.bool_], slides: NDArray[np.bool_]
+) -> Array:
+    """Return the margins; where no forces hold, minus the turn of gravity until some do.
 
-    It is then minus the angle by which gravity must turn until some do.
+    Args:
+        packed: contacts of the poses.
+        friction: friction coefficient.
+        margin: (n,) rad; NaN where the kernels have none is filled; 0 where no forces hold.
+        direction, stays, slides: as of `stability_batch`; filled where the margin is.
+
+    Returns:
+        (n,) rad.
     """
     signed = margin.copy()
     for k in np.flatnonzero(~(margin > 0.0) & ~np.isnan(packed.q[:, 0])):
-        lacking = shortfall(packed, int(k), friction)
+        cone = HeldDirections(packed, int(k), friction)
+        if cone.empty:
+            continue
+        lacking = cone.project(DOWN)[0]
         if lacking > HELD:
-            signed[k] = -lacking
+            signed[k], margin[k] = -lacking, 0.0
+        elif np.isnan(margin[k]):
+            signed[k], direction[k], stays[k], slides[k] = cone.margin()
+            margin[k] = signed[k]
     return signed
 
 
@@ -156,7 +172,7 @@ def _tip_margins(packed: PackedContacts) -> Array:
     parallel_for(
         kernel.stability_batch, n, *packed, GRIP, MAP_MARGIN, margin, bound, direction, stays, slides, unwanted, unwanted
     )  # fmt: skip
-    margin[_tip_angles(packed, margin, GRIP) < 0.0] = 0.0
+    _tip_angles(packed, GRIP, margin, direction, stays, slides)
     return margin
 
 
