@@ -7,6 +7,8 @@ import pytest
 from test_loads import conic, level_rover, plane, settled, unit_columns
 
 import rockerbogie as rb
+from rockerbogie.statics.contacts import pack_contacts
+from rockerbogie.statics.held_directions import HeldDirections
 
 
 def test_on_little_friction_a_rover_slides_at_the_friction_angle() -> None:
@@ -198,3 +200,39 @@ def test_a_margin_does_not_depend_on_the_other_poses_of_a_batch() -> None:
         one = rb.stability(rb.settle(pose.rover, pose.terrain, pose.x[k], pose.y[k], pose.yaw[k]))
         assert one.tip_margin == many.tip_margin[k]
         assert one.edge == many.edge[k]
+
+
+def steep_plane(slope: float) -> rb.Terrain:
+    """Return a plane of a slope (rad) up along x, of cells of half a metre."""
+    x = np.arange(-6.0, 6.01, 0.5)
+    return rb.Terrain.from_array(np.tile(np.tan(slope) * x, (x.size, 1)), 0.5, (-6.0, -6.0), "linear")
+
+
+@pytest.mark.parametrize("width", [0.08, 0.3])
+def test_a_tip_angle_on_a_plane_does_not_depend_on_the_position(width: float) -> None:
+    """Wheels touch along their width, also where the line crosses a border of cells.
+
+    Two headings of the narrower rover, at 105° and 255°, are so close to tipping that the lanes have no start.
+    """
+    rover, heading = rb.load_rover("rocky7").replace(wheel_width=width, masses="keep"), np.linspace(0.0, 2.0 * np.pi, 25)
+    y = np.array([0.0, 0.1, 0.3, 0.55])[:, None]
+    got = rb.stability(rb.settle(rover, steep_plane(np.radians(55.0)), 0.1, y, heading))
+    np.testing.assert_allclose(got.tip_angle, np.tile(got.tip_angle[:1], (4, 1)), atol=1e-4)
+    np.testing.assert_allclose(got.tip_angle, got.tip_angle[:, ::-1], atol=1e-4)  # the rover's sides mirror each other
+    held = got.tip_angle > 0.0
+    assert 0.1 < held.mean() < 0.9
+    friction = rb.wheel_loads(rb.settle(rover, steep_plane(np.radians(55.0)), 0.1, y, heading)).required_friction
+    np.testing.assert_array_equal(held, friction < 2.0)
+
+
+@pytest.mark.parametrize(("name", "surface"), [("curiosity", "mars"), ("osr", "rocks")])
+def test_projections_find_the_margin_of_the_lanes(name: str, surface: str) -> None:
+    pose = settled(name, 8, 4, surface=surface)
+    got, packed = rb.stability(pose), pack_contacts(pose)
+    free = np.flatnonzero(got.tip_margin < 1.0)  # beyond, the lanes exclude forces that wedge it
+    assert free.size >= 3
+    for k in free:
+        found = HeldDirections(packed, int(k), 2.0).margin()
+        assert got.tip_bound[k] - 1e-6 <= found.angle <= got.tip_margin[k] + 1e-6
+        assert found.slides == got.slides[k]
+        np.testing.assert_array_equal(found.stays, got.stays[k])

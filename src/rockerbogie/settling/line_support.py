@@ -19,7 +19,8 @@ def contact_lines(pose: Any, point: Array) -> Array:
 
     Args:
         pose: `Pose` (...).
-        point: (n, 6, 3) their contact points from the body's origin, m; NaN where a wheel is off the ground.
+        point: (n, 6, 3) their contact points from the body's origin, m; NaN where a wheel is off the ground. Points on lines are
+            moved to the middles.
 
     Returns:
         (n, 6, 3) m, or (1, 6, 3) if wheels have no width; 0: the contact is a point.

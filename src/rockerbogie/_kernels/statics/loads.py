@@ -18,6 +18,7 @@ from .balance import EQUATIONS, axle_torque
 from .friction_path import HELD, UNHELD
 from .lane_friction import UNSOLVED, friction_batch
 from .lane_laws import law_batch
+from .lane_problem import has_lines
 from .lane_tipping import SOLVED, margin_batch
 from .lane_widening import widen_batch
 from .laws import equal_slip, frictionless_sides, parallel_forces
@@ -33,7 +34,6 @@ BALANCED, NO_POSE, NOT_HELD, PULLS, UNDETERMINED, NOT_CONVERGED = range(6)
 PROVED = 1e-6  # largest gap between the least friction found, or 1, and its proved bound, of it
 PULL = -1e-9  # of the weight: a normal force below it pulls
 TOUCHING = 1e-6  # m: gap of a belly contact
-MIDDLE = 1e-7  # m: a contact this close to the middle of a tread may be a line
 FLUSH = 1e-8  # m: largest difference of the gaps along a contact line
 
 
@@ -84,6 +84,7 @@ def span_batch(
         steering: (n, 6) or (1, 6) rad.
         q: (n, 6) poses.
         point: (n, 6, 3) contact points from the body's origin, m; NaN where a wheel is off the ground.
+            Points on lines are moved to the middles.
         span: (n, 6, 3) filled with half of each line, along the axle, m; 0: the contact is a point.
         start, stop: range of poses.
     """
@@ -100,16 +101,21 @@ def span_batch(
             continue
         for i in range(6):
             w, half = m.wheels[i], rover[P_HALF + i]
+            if half == 0.0 or math.isnan(point[k, i, 0]):
+                continue
             cx, cy, cz = point[k, i, 0] + px, point[k, i, 1] + py, point[k, i, 2] + m.q[Z]
             along = (cx - w[HX]) * w[AX] + (cy - w[HY]) * w[AY] + (cz - w[HZ]) * w[AZ]
-            if not (half > 0.0 and abs(along) < MIDDLE):
-                continue
             gap, line = cz - surface(grid, meta, cx, cy)[0], True
-            for end in (-half, half):
+            for end in (-half - along, half - along, -along):
+                if not line:
+                    break
                 there = cz + end * w[AZ] - surface(grid, meta, cx + end * w[AX], cy + end * w[AY])[0]
-                line &= abs(there - gap) < FLUSH
+                line = abs(there - gap) < FLUSH
             if line:
                 span[k, i, 0], span[k, i, 1], span[k, i, 2] = half * w[AX], half * w[AY], half * w[AZ]
+                point[k, i, 0] -= along * w[AX]
+                point[k, i, 1] -= along * w[AY]
+                point[k, i, 2] -= along * w[AZ]
 
 
 @njit
@@ -299,7 +305,7 @@ def stability_batch(
         margin, bound, direction, stays, slides, angle, energy, status, start, stop,
     )  # fmt: skip
     for k in range(start, stop):
-        if status[k] == SOLVED:
+        if status[k] == SOLVED or has_lines(span, k):
             continue
         at = k if belly_point.shape[0] > 1 else 0
         count, more, reach = assemble(
