@@ -63,6 +63,20 @@ def test_slip_tends_to_zero_with_friction(rover: rb.Rover) -> None:
     np.testing.assert_allclose(run["x"][3, -1], 14.0, atol=1e-5)
 
 
+def test_wheels_that_must_slip_on_rocks_meet_the_law_of_friction() -> None:
+    rover, rocks = rb.load_rover("perseverance"), rb.surfaces.rocks(0.1, 1, size=40.0, spacing=0.05, largest=0.3)
+    rates = np.tile(0.04 / rover.wheel_radius, (2, 1))
+    table = {"wheel_rate": (("time", "wheel"), rates), "steering": (("time", "wheel"), np.zeros((2, 6)))}
+    start = np.array([[k - 3.0, 3.0 - k, 0.8 * k] for k in range(6)])
+    run = rb.predict(rover, rocks, start, xr.Dataset(table, {"time": [0.0, 250.0]}), friction=0.8, step=0.25, details=False)
+    assert (run["end"] == 0).all()
+    slip = np.hypot(run["roll_slip"], run["side_slip"])
+    share = np.hypot(run["traction"], run["side_force"]) / (0.8 * run["normal_force"])
+    error = np.abs(share - slip / np.hypot(slip, 1e-3 * 0.04)).where(run["normal_force"] > 1.0).max("wheel")
+    assert (slip > 0.004).any("wheel").mean() > 0.5
+    assert (error < 1e-6).mean() > 0.995
+
+
 def test_straight_up_a_slope_creeps_as_the_law_states(rover: rb.Rover) -> None:
     run = rb.predict(rover, tilted(10.0), (20.0, 8.0, np.pi / 2), rb.Path.straight((0, 0), 0.0, 4.0), friction=0.8, speed=0.05)
     share = np.tan(np.radians(10.0)) / 0.8

@@ -27,17 +27,23 @@ BY_MOTION = 6  # (3, 3) their change per velocity
 TORQUE, RIM, SINKAGE, OVERLOAD = 15, 16, 17, 18  # motor torque (m), rim speed (m/s), sinkage (m), 1 if the soil fails
 ROW = 19
 
+DUAL_SIZE = 5  # direction of friction (2,), slip velocity (2,) and its size of the last evaluation
+
 ROOT_STEPS = 40  # of the search for the rim speed at a torque limit
 
 
 @fma_njit
 def coulomb(
-    friction: float, load: float, radius: float, rim: float, along: float, side: float, small: float, limit: float, f: Array
-) -> None:
+    friction: float, load: float, radius: float, rim: float, along: float, side: float, small: float, limit: float,
+    share: float, dual: Array, f: Array,
+) -> None:  # fmt: skip
     """Fill the friction force of a wheel on rigid terrain, regularised.
 
-    The force opposes the slip velocity v with the size μ n |v| / sqrt(|v|² + small²). If the motor's torque would exceed its
-    limit, the wheel turns at the rate at which the torque equals the limit.
+    The force opposes the slip velocity v with the size μ n |v| / S, S = sqrt(|v|² + small²). If the motor's torque would exceed
+    its limit, the wheel turns at the rate at which the torque equals the limit.
+
+    In the primal-dual method, the direction d of the force is an unknown, with the equation S d = v. A Newton step moves v by dv
+    and d to (v + dv − d (v · dv) / S) / S. With d = v / S, the change of the force with v is the exact one.
 
     Args:
         friction: coefficient of friction μ.
@@ -47,25 +53,38 @@ def coulomb(
         along, side: velocity of the contact, m/s.
         small: m/s.
         limit: largest motor torque over the weight, m.
+        share: of a Newton step that has been taken since the last call; 0 sets d to v / S.
+        dual: (DUAL_SIZE,) d, and v and S of the last call; replaced.
         f: (ROW,) filled.
     """
     a, b = rim - along, -side
     size = math.sqrt(a * a + b * b + small * small)
     most = friction * load
+    if share > 0.0:
+        before = dual[4]
+        da, db = (a - dual[2]) / share, (b - dual[3]) / share
+        along_v = (dual[2] * da + dual[3] * db) / before
+        dual[0] += share * ((dual[2] + da - dual[0] * along_v) / before - dual[0])
+        dual[1] += share * ((dual[3] + db - dual[1] * along_v) / before - dual[1])
+        big = max(math.sqrt(dual[0] * dual[0] + dual[1] * dual[1]), 1.0)
+        dual[0], dual[1] = dual[0] / big, dual[1] / big
+    else:
+        dual[0], dual[1] = a / size, b / size
+    dual[2], dual[3], dual[4] = a, b, size
     t = most * a / size
     f[:] = 0.0
     if abs(t) * radius <= limit:
-        cube = most / (size * size * size)
+        stiff = most / size
         f[FORCE], f[FORCE + 1], f[RIM] = t, most * b / size, rim
         f[BY_LOAD], f[BY_LOAD + 1] = friction * a / size, friction * b / size
-        f[BY_MOTION], f[BY_MOTION + 4] = -cube * (b * b + small * small), -cube * (a * a + small * small)
-        f[BY_MOTION + 1] = f[BY_MOTION + 3] = cube * a * b
+        f[BY_MOTION], f[BY_MOTION + 1] = stiff * (dual[0] * a / size - 1.0), stiff * dual[0] * b / size
+        f[BY_MOTION + 3], f[BY_MOTION + 4] = stiff * dual[1] * a / size, stiff * (dual[1] * b / size - 1.0)
     else:
-        share = limit / (radius * most)
-        rest = math.sqrt(1.0 - share * share)
+        part = limit / (radius * most)
+        rest = math.sqrt(1.0 - part * part)
         size = math.sqrt(b * b + small * small)
         f[FORCE] = math.copysign(limit / radius, t)
-        f[RIM] = along + math.copysign(share * size / rest, t)
+        f[RIM] = along + math.copysign(part * size / rest, t)
         f[FORCE + 1], f[BY_LOAD + 1] = most * rest * b / size, friction * b / (size * rest)
         f[BY_MOTION + 4] = -most * rest * small * small / (size * size * size)
     f[TORQUE] = radius * f[FORCE]

@@ -1,23 +1,19 @@
 """Motion and loads of a rover whose wheel forces balance: Newton's method on nine equations.
 
-Unknowns are the rates w of x, y and yaw and one number ζ a contact. Load and lift rate are n = (ζ + √(ζ² + 4 σ²)) / 2 over the
-weight and (√(ζ² + 4 σ²) − ζ) / 2 times the reference speed. Their product is σ²: for σ → 0 a wheel is either loaded or lifts.
+On rigid terrain, friction has a primal-dual Newton method (Chan, Golub and Mulet 1999, SIAM J. Sci. Comput. 20, 1964-1977):
+Newton's method on the force of regularised friction fails where a wheel begins to slip, or to slip another way.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import fma_njit, njit
-from ..jit.raw_views import unowned_view
-from ..model.linkage import P_RADIUS
-from ..soil.table import SPACE
+from ..jit.decorators import inlined, njit
 from ..statics.balance import EQUATIONS
-from .contact_law import BY_LOAD, BY_MOTION, FORCE, ROW, coulomb, tabulated
+from .balance_residual import Law, Motion, reset_motion, residual_at
 from .linear import decompose, solve_transposed
 from .station import FREE, Station
 
@@ -26,6 +22,7 @@ Array = NDArray[np.float64]
 RESIDUAL = 1e-10  # of the weight
 DIRECT = 5  # Newton steps from the solution nearby
 STEPS = 20  # Newton steps of one level of a continuation
+PRIMAL_DUAL = 24  # steps of the primal-dual method
 HALVINGS = 5  # of a Newton step of a continuation; from the solution nearby, 2
 SMOOTHING = 1e-6  # σ of a solution
 SLIP_SCALE = 1e-3  # of the reference speed: slip at which friction reaches 70 % of its limit
@@ -33,149 +30,24 @@ ROUGH = 0.05  # largest slip scale of a solution, where none is found at SLIP_SC
 NEARBY = 0.03  # slip scale from which a continuation from the solution nearby starts
 FIRST_RATIO, LEAST_RATIO = 0.2, 0.8  # of successive slip scales: at first, and before a continuation ends
 ROUGH_RESIDUAL = 1e-4  # of the weight, of levels before the last
-FLOOR = 1e-9  # of the reference speed
+START_SCALE, START_RATIO = 0.3, 0.3  # first slip scale of the primal-dual method, and ratio of successive ones
+SLOW_SCALE, SLOW_RATIO = 1.0, 0.5  # the same of its second attempt
+FAR = 0.4  # residual, of the weight, from which it starts with a larger slip scale
+LONGEST = 0.3  # of the weight: largest change of a load in one of its steps
 FASTEST = 30.0  # times the reference speed: a faster motion is no equilibrium
 
 
-class Law(NamedTuple):
-    """Force law of a rover's wheels."""
-
-    friction: float  # coefficient on rigid terrain; on soil, that of the start of a continuation
-    soil: bool  # True if the wheels' forces are tabulated
-    tables: Array  # (m, size) packed tables
-    table_of: NDArray[np.int64]  # (6,) table of each wheel
-    weight: float  # N
-    rim: Array  # (6,) commanded rim speeds, m/s
-    limit: Array  # (6,) torque limits over the weight, m
-    speed: float  # reference speed, m/s
-
-
-class Motion(NamedTuple):
-    """Work arrays of the solve; `z` starts the next one."""
-
-    z: Array  # (9,) unknowns: w, m/s and rad/s, and ζ
-    y: Array  # (9,) w and lift rates
-    load: Array  # (6,) over the weight
-    force: Array  # (6, ROW) of the laws
-    residual: Array  # (9,)
-    jacobian: Array  # (9, 9) residual by unknown, one unknown a row
-    step: Array  # (9,)
-    trial: Array  # (9,)
-    kept: Array  # (9,)
-    slope: Array  # (6, 2) of load and lift rate by ζ
-    scale: Array  # (1,) slip scale of the solution over the reference speed
-    scratch: Array  # (20 + SPACE,) of the tables
-    order: NDArray[np.int64]  # (9,)
-
-
-MOTION_SIZE = 6 * EQUATIONS + 6 + 6 * ROW + EQUATIONS * EQUATIONS + 12 + 1 + 20 + SPACE
-
-
-@njit
-def new_motion(buffer: Array, order: NDArray[np.int64]) -> Motion:
-    """Return work arrays as unowned views into a buffer.
+@inlined
+def largest(values: Array) -> float:
+    """Return the largest absolute value, NaN if the first is NaN.
 
     Args:
-        buffer: (MOTION_SIZE,) memory; the caller must keep it alive.
-        order: (9,) memory, the same.
+        values: (n,).
     """
-    b, n = unowned_view(buffer), 6 * EQUATIONS
-    load = b[n : n + 6]
-    n += 6
-    force = b[n : n + 6 * ROW].reshape(6, ROW)
-    n += 6 * ROW
-    jacobian = b[n : n + EQUATIONS * EQUATIONS].reshape(EQUATIONS, EQUATIONS)
-    n += EQUATIONS * EQUATIONS
-    slope = b[n : n + 12].reshape(6, 2)
-    n += 12
-    scale = b[n : n + 1]
-    n += 1
-    scratch = b[n : n + 20 + SPACE]
-    k = EQUATIONS
-    return Motion(
-        b[:k], b[k : 2 * k], load, force, b[2 * k : 3 * k], jacobian, b[3 * k : 4 * k], b[4 * k : 5 * k], b[5 * k : 6 * k],
-        slope, scale, scratch, unowned_view(order),
-    )  # fmt: skip
-
-
-@njit
-def reset_motion(m: Motion) -> None:
-    """Set the start of a solve to a rover at rest, its weight shared equally.
-
-    Args:
-        m: work arrays; z is set.
-    """
-    m.z[:FREE] = 0.0
-    m.z[FREE:] = 1.0 / 6.0
-
-
-@fma_njit
-def residual_at(s: Station, rover: Array, law: Law, soil: bool, scale: float, sigma: float, z: Array, m: Motion) -> float:
-    """Fill the balance residual and its Jacobian.
-
-    Args:
-        s: the balance equations of the pose.
-        rover: (P_SIZE,) packed rover.
-        law: of the wheels.
-        soil: True for the tabulated law, False for friction.
-        scale: slip scale of friction over the reference speed.
-        sigma: σ.
-        z: (9,) unknowns.
-        m: work arrays; y, load, force, residual and jacobian are filled.
-
-    Returns:
-        Sum of the squares of the residual.
-    """
-    y, r, J = m.y, m.residual, m.jacobian
-    y[:FREE] = z[:FREE]
-    for i in range(6):
-        root = math.sqrt(z[FREE + i] * z[FREE + i] + 4.0 * sigma * sigma)
-        big = 0.5 * (abs(z[FREE + i]) + root)
-        other = sigma * sigma / big
-        m.load[i], lift = (big, other) if z[FREE + i] >= 0.0 else (other, big)
-        y[FREE + i] = law.speed * lift
-        m.slope[i, 0], m.slope[i, 1] = m.load[i] / root, -law.speed * lift / root
-    r[:] = s.pull
-    J[:] = 0.0
-    channels = 3 if soil else 2
-    for i in range(6):
-        f, load = m.force[i], m.load[i]
-        ut = us = turn = 0.0
-        for k in range(EQUATIONS):
-            ut += s.ways[i, 0, k] * y[k]
-            us += s.ways[i, 1, k] * y[k]
-        radius = rover[P_RADIUS + i]
-        if soil:
-            for k in range(EQUATIONS):
-                turn += s.ways[i, 2, k] * y[k]
-            tabulated(
-                law.tables[law.table_of[i]], law.weight, load, radius, law.rim[i], ut, us, turn, FLOOR * law.speed, law.limit[i],
-                m.scratch, f,
-            )  # fmt: skip
-        else:
-            coulomb(law.friction, load, radius, law.rim[i], ut, us, scale * law.speed, law.limit[i], f)
-        r[FREE + i] += load
-        J[FREE + i, FREE + i] += m.slope[i, 0]  # J is transposed: rows are unknowns
-        for c in range(channels):
-            force, by_load = f[FORCE + c], m.slope[i, 0] * f[BY_LOAD + c]
-            for k in range(EQUATIONS):
-                r[k] += force * s.ways[i, c, k]
-                J[FREE + i, k] += by_load * s.ways[i, c, k]
-        for n in range(EQUATIONS):
-            by_z = 1.0 if n < FREE else m.slope[n - FREE, 1]
-            if abs(by_z) < 1e-9 * law.speed:
-                continue
-            for c in range(channels):
-                change = 0.0
-                for d in range(channels):
-                    change += f[BY_MOTION + 3 * c + d] * s.ways[i, d, n]
-                change *= by_z
-                for k in range(EQUATIONS):
-                    J[n, k] += change * s.ways[i, c, k]
-    total = 0.0
-    for k in range(EQUATIONS):
-        total += r[k] * r[k]
-    return total
+    worst = abs(values[0])
+    for k in range(1, values.shape[0]):
+        worst = max(worst, abs(values[k]))
+    return worst
 
 
 @njit
@@ -202,7 +74,7 @@ def newton(
     Returns:
         Number of steps; -1 - steps without convergence.
     """
-    total = residual_at(s, rover, law, soil, scale, sigma, m.z, m)
+    total = residual_at(s, rover, law, soil, scale, sigma, m.z, 0.0, m)
     for it in range(most + 1):
         worst = 0.0
         for k in range(EQUATIONS):
@@ -220,7 +92,7 @@ def newton(
         for _ in range(halvings):
             for k in range(EQUATIONS):
                 m.trial[k] = m.z[k] + share * m.step[k]
-            trial = residual_at(s, rover, law, soil, scale, sigma, m.trial, m)
+            trial = residual_at(s, rover, law, soil, scale, sigma, m.trial, 0.0, m)
             if trial < (1.0 - 0.1 * share) * total:
                 better = True
                 break
@@ -233,6 +105,49 @@ def newton(
             if not abs(m.z[k]) < FASTEST * law.speed:
                 return -1 - it
     return -1
+
+
+@njit
+def primal_dual(s: Station, rover: Array, law: Law, first: float, ratio: float, m: Motion) -> int:
+    """Solve the balance on rigid terrain from m.z, by the primal-dual method.
+
+    The slip scale starts larger if the start is far from balance, and decreases with each step.
+
+    Args:
+        s, rover, law: as for `residual_at`.
+        first, ratio: first slip scale over the reference speed of a start that is far from balance, and ratio of successive ones.
+        m: work arrays; z is replaced.
+
+    Returns:
+        Number of steps; -1 - steps without convergence.
+    """
+    scale, sigma = SLIP_SCALE, SMOOTHING
+    total = residual_at(s, rover, law, False, scale, sigma, m.z, 0.0, m)
+    worst = largest(m.residual)
+    if worst > FAR:
+        scale = max(first * min(worst, 1.0), SLIP_SCALE)
+        sigma = 0.1 * scale
+        total = residual_at(s, rover, law, False, scale, sigma, m.z, 0.0, m)
+    for it in range(PRIMAL_DUAL + 1):
+        if scale == SLIP_SCALE and largest(m.residual) < RESIDUAL:
+            return it
+        for k in range(EQUATIONS):
+            m.step[k] = -m.residual[k]
+        if it == PRIMAL_DUAL or not (math.isfinite(total) and decompose(m.jacobian, m.order)):
+            return -1 - it
+        solve_transposed(m.jacobian, m.order, m.step)
+        share = 1.0
+        for k in range(EQUATIONS):
+            share = min(share, (2.0 * law.speed if k < FREE else LONGEST) / max(abs(m.step[k]), 1e-300))
+        for k in range(EQUATIONS):
+            m.z[k] += share * m.step[k]
+        for k in range(FREE):
+            if not abs(m.z[k]) < FASTEST * law.speed:
+                return -1 - it
+        scale = max(ratio * scale, SLIP_SCALE)
+        sigma = 0.1 * scale if scale > SLIP_SCALE else SMOOTHING
+        total = residual_at(s, rover, law, False, scale, sigma, m.z, share, m)
+    return -1 - PRIMAL_DUAL
 
 
 @njit
@@ -279,8 +194,9 @@ def continued(s: Station, rover: Array, law: Law, soil: bool, first: float, goal
 def solve_motion(s: Station, rover: Array, law: Law, m: Motion) -> int:
     """Solve for the motion and the loads at which the wheel forces balance.
 
-    Newton's method starts from the solution at the pose before. If it fails, continuations follow, from that solution and from
-    a rover at rest: with decreasing slip scales of friction, and from friction to soil.
+    Newton's method starts from the solution at the pose before; on rigid terrain it is the primal-dual one. If it fails,
+    continuations follow, from that solution and from a rover at rest: with decreasing slip scales of friction, and from
+    friction to soil.
 
     Args:
         s, rover, law: as for `residual_at`.
@@ -290,7 +206,14 @@ def solve_motion(s: Station, rover: Array, law: Law, m: Motion) -> int:
         Number of Newton steps; -1 if no balance was found.
     """
     m.kept[:] = m.z
-    count = newton(s, rover, law, law.soil, SLIP_SCALE, SMOOTHING, DIRECT, 2, RESIDUAL, m)
+    if law.soil:
+        count = newton(s, rover, law, True, SLIP_SCALE, SMOOTHING, DIRECT, 2, RESIDUAL, m)
+    else:
+        count = primal_dual(s, rover, law, START_SCALE, START_RATIO, m)
+        if count < 0:
+            m.z[:] = m.kept
+            more = primal_dual(s, rover, law, SLOW_SCALE, SLOW_RATIO, m)
+            count = more - count if more >= 0 else more + count
     m.scale[0] = SLIP_SCALE
     if count >= 0:
         return count

@@ -21,6 +21,7 @@ from .track import track_contact
 Array = NDArray[np.float64]
 
 TRACKED = 6  # Newton steps with tracked contacts; 2 or 3 suffice near the pose
+PATIENCE = 3  # the same on bilinear terrain, where a contact is tracked in its cell alone, before a whole search
 SEARCHES = 5  # whole searches before the search from afar takes over
 TRACKED_GAP = 1e-8  # m: a gap at the end of a solve whose treads are not searched
 
@@ -83,7 +84,7 @@ def settle_near(
             whole = True
             continue
         steps = 0 if whole else steps + 1
-        whole = False
+        whole = not cubic and steps > PATIENCE
         for i in range(6):
             t, w = touch[i], wheels[i]
             px, py, pz = tread_point(w, t[SIN], t[COSINE], t[PLACE])

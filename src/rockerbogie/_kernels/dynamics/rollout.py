@@ -16,8 +16,9 @@ from ..model.mass import centre_of_mass
 from ..model.wheel import CONTACT_SIZE
 from ..search.workspace import WORK_SIZE, Work, lay_out
 from ..solve.newton import CONVERGED, NOT_CONVERGED, beyond_stops, settle_contact
+from .balance_residual import MOTION_SIZE, Law, Motion, new_motion, reset_motion
 from .contact_law import FORCE, OVERLOAD, RIM, SINKAGE, TORQUE
-from .equilibrium_motion import MOTION_SIZE, Law, Motion, new_motion, reset_motion, solve_motion
+from .equilibrium_motion import solve_motion
 from .near import settle_near
 from .station import FREE, STATION_SIZE, Station, balance_at, new_station, settled_rates
 
