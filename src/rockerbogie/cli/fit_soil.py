@@ -135,6 +135,7 @@ def _summary(
     found["now"] = {
         "distance": float(last["distance"]), "known": float(last["known"]), "mean": float(last["mean"]),
         "quantile": last["quantile"].to_numpy(), "exceed": float(last["exceed"]), "warning": bool(last["warning"]),
+        "held_mean": float(last["held_mean"]), "held_quantile": last["held_quantile"].to_numpy(),
     }  # fmt: skip
     return found
 
@@ -160,12 +161,14 @@ def _write(
     with open(steps, "w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         names = [f"slip {100 * q:g} %" for q in forecast["probability"].to_numpy()]
-        writer.writerow(["time [s]", "distance [m]", "known slip", "mean slip", *names, "exceed", "warning"])
+        held = ["held mean", *(f"held {name}" for name in names)]
+        writer.writerow(["time [s]", "distance [m]", "known slip", "mean slip", *names, "exceed", "warning", *held])
         for k in range(forecast.sizes["step"]):
             one = forecast.isel(step=k)
             numbers = [one["known"], one["mean"], *one["quantile"].to_numpy(), one["exceed"]]
             row = [f"{float(one['time']):.3f}", f"{float(one['distance']):.3f}", *(f"{float(v):.4f}" for v in numbers)]
-            writer.writerow([*row, int(one["warning"])])
+            last = (f"{float(v):.4f}" for v in (one["held_mean"], *one["held_quantile"].to_numpy()))
+            writer.writerow([*row, int(one["warning"]), *last])
     if curve is None:
         return [picture, record, steps]
     write_slip_table(slip_table(curve), table)

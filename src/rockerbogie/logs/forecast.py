@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from copy import copy
-from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.special import expit, logit, ndtr
 
 from ..arrays import Array
 from ..errors import RockerbogieError, expect
@@ -16,24 +14,12 @@ from ..files.version import __version__
 from ..rover.model import LOAD_ROVER, Rover
 from ..settling.settle import settle
 from ..terrain.heightfield import Terrain
+from .slip_bank import USUAL_SLOPE, SlipBank
 from .slip_log import NEW_TRAVEL, arrange_slip_log, read_slip_log
 
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Filters of the bank: change of the level per metre and error of a measurement (variances of the logit of slip), change of
-#: its growth per metre, and gain on the sine of the slope.
-CHANGES, ERRORS, GROWTHS, GAINS = (0.0025, 0.02, 0.08, 0.3, 1.0), (0.003, 0.01, 0.03, 0.1), (0.0, 0.004), (0.0, 6.0)
-#: Weight of each change before the first measurement.
-PRIOR = (0.2, 0.3, 0.3, 0.15, 0.05)
-#: Error of a slip that was measured by corrected positions, variance of its logit: 2 % of the distance.
-POSITION_ERROR = 0.02
-#: Level before the first measurement, slip; its variance, and that of the growth.
-START, START_VARIANCE, GROWTH_VARIANCE = 0.2, 1.0, 0.012
-#: Share of a growth that is left after 1 m; share of the weights that returns to the prior at each measurement.
-DAMPING, SHARED = 0.8, 0.1
-#: Slope from which the gain counts (sine); slips are limited to SMALLEST … 1 − SMALLEST before their logit is taken.
-USUAL_SLOPE, SMALLEST = 0.2, 0.02
 #: Distance of the forecast, m; warnings look two measurements, 2 m, ahead.
 AHEAD, WARNING_REACH = 1.0, 2.0
 #: A warning is given at this probability: being stuck costs as much as 1 / THRESHOLD stops to look.
@@ -44,127 +30,9 @@ FEWEST = 3
 PLACES = ("x", "y", "yaw", "heading")
 #: Travel between two forecasts without a new measurement, m.
 EVERY = 0.25
-_NODES, _SHARES = (values for values in np.polynomial.hermite_e.hermegauss(31))
-_SHARES = _SHARES / _SHARES.sum()
-
-
-class SlipBank:
-    """Bank of local-level filters for the logit of slip, weighted by their past predictions.
-
-    Each filter has a level (the soil), a growth per metre and a gain on the slope. A share of the weights returns to the prior at
-    each measurement, so that the bank recovers from a change of soil.
-    """
-
-    def __init__(self) -> None:
-        grid = np.array(list(product(CHANGES, ERRORS, GROWTHS, GAINS)))
-        self.change, self.error, self.growing, self.gain = grid.T
-        n = len(grid)
-        self.level, self.growth = np.full(n, float(logit(START))), np.zeros(n)
-        self.P00, self.P01 = np.full(n, START_VARIANCE), np.zeros(n)
-        self.P11 = np.where(self.growing > 0, GROWTH_VARIANCE, 0.0)
-        self.prior = np.array([PRIOR[CHANGES.index(change)] for change in self.change])
-        self.prior /= self.prior.sum()
-        self.weight = self.prior
-
-    def ahead(self, travel: float) -> tuple[Array, Array, Array, Array, Array]:
-        """Return the state after some travel without a measurement.
-
-        Args:
-            travel: m.
-
-        Returns:
-            Level, growth and the covariance P00, P01, P11, each (filters,).
-        """
-        kept, moving = DAMPING**travel, np.where(self.growing > 0, travel, 0.0)
-        return (
-            self.level + moving * self.growth,
-            kept * self.growth,
-            self.P00 + 2 * moving * self.P01 + moving**2 * self.P11 + self.change * travel,
-            kept * (self.P01 + moving * self.P11),
-            kept**2 * self.P11 + self.growing * travel,
-        )
-
-    def advance(self, travel: float) -> None:
-        """Move the state over some travel.
-
-        Args:
-            travel: m.
-        """
-        self.level, self.growth, self.P00, self.P01, self.P11 = self.ahead(travel)
-
-    def measure(self, slip: float, slope: float, from_position: bool) -> None:
-        """Update all filters by a measured slip.
-
-        Weights change only by slips of the log, because the filters differ in the error of these.
-
-        Args:
-            slip: measured slip.
-            slope: sine of the slope on which it was measured.
-            from_position: measured by corrected positions.
-        """
-        error = np.full_like(self.error, POSITION_ERROR) if from_position else self.error
-        variance = self.P00 + error
-        off = _logit(slip) - self.level - self.gain * (slope - USUAL_SLOPE)
-        if not from_position:
-            score = np.log(self.weight) - 0.5 * (np.log(variance) + off**2 / variance)
-            weight = np.exp(score - score.max())
-            self.weight = (1 - SHARED) * weight / weight.sum() + SHARED * self.prior
-        k0, k1 = self.P00 / variance, self.P01 / variance
-        self.level, self.growth = self.level + k0 * off, self.growth + k1 * off
-        self.P00, self.P01, self.P11 = self.P00 * (1 - k0), self.P01 * (1 - k0), self.P11 - k1 * self.P01
-
-    def predictive(self, travel: float, slope: float) -> tuple[Array, Array]:
-        """Return mean and standard deviation (filters,) of the logit of a coming slip.
-
-        Args:
-            travel: m.
-            slope: sine of the slope there.
-
-        Returns:
-            Means and standard deviations.
-        """
-        level, _, P00, _, _ = self.ahead(travel)
-        return level + self.gain * (slope - USUAL_SLOPE), np.sqrt(P00 + self.error)
-
-    def exceeding(self, travel: float, slope: float, limit: float) -> float:
-        """Return the probability that one of the next two measurements, 1 m apart, exceeds a limit.
-
-        Args:
-            travel: travel until the first of the two, m.
-            slope: sine of the slope there.
-            limit: slip.
-
-        Returns:
-            Probability, 0 to 1.
-        """
-        level, growth, P00, P01, P11 = self.ahead(travel)
-        first = level[:, None] + np.sqrt(P00)[:, None] * _NODES
-        along, moving = P01 / P00, np.where(self.growing > 0, 1.0, 0.0)
-        second = first + (moving * growth)[:, None] + (moving * along)[:, None] * (first - level[:, None])
-        spread = np.sqrt(self.change + moving * (P11 - along * P01) + self.error)
-        free = _logit(limit) - (self.gain * (slope - USUAL_SLOPE))[:, None]
-        below = ndtr((free - first) / np.sqrt(self.error)[:, None]) * ndtr((free - second) / spread[:, None])
-        return float(np.clip(1 - self.weight @ (below @ _SHARES), 0.0, 1.0))
-
-    def moments(self, travel: float, slope: float, quantiles: Array) -> tuple[float, Array]:
-        """Forecast mean and quantiles of the slip that the log will hold after some travel.
-
-        Args:
-            travel: m.
-            slope: sine of the slope there.
-            quantiles: (k,) probabilities.
-
-        Returns:
-            Mean, and (k,) slips.
-        """
-        mean, sigma = self.predictive(travel, slope)
-        expected = float(self.weight @ (expit(mean[:, None] + sigma[:, None] * _NODES) @ _SHARES))
-        low, high = (np.full(len(quantiles), value) for value in ((mean - 8 * sigma).min(), (mean + 8 * sigma).max()))
-        for _ in range(50):
-            half = 0.5 * (low + high)
-            above = self.weight @ ndtr((half - mean[:, None]) / sigma[:, None]) > quantiles
-            low, high = np.where(above, low, half), np.where(above, half, high)
-        return expected, expit(0.5 * (low + high))
+#: Travel to the next measurement is one of the latest RECENT distances between two, or differs from it by JITTER, m; before
+#: the second measurement it is AHEAD.
+RECENT, JITTER = 8, (-0.1, 0.0, 0.1)
 
 
 def forecast_slip(
@@ -197,8 +65,9 @@ def forecast_slip(
 
     Returns:
         Dataset over `step`: `time` (s), `distance` (wheel travel, m), `row` of the log; `known`, the last measured slip; `mean`
-        and `quantile` (step, probability) of the slip over the next metre of wheel travel; `exceed`, the probability of a
-        slip above `limit` within 2 m; `warning`, from the third measurement on.
+        and `quantile` (step, probability) of a slip that is measured over the next metre of wheel travel; `held_mean` and
+        `held_quantile` of the mean of the log over that metre, `known` being held until the next measurement; `exceed`, the
+        probability of a slip above `limit` within 2 m; `warning`, from the third measurement on.
 
     Raises:
         RockerbogieError: a log without slip, or arguments out of range.
@@ -218,7 +87,8 @@ def forecast_slip(
     before = copy(bank)  # the state at the last measurement, without it
     probabilities = np.array(quantiles)
     measured_by_position = data["from_position"].to_numpy()
-    out: dict[str, list[Any]] = {name: [] for name in ("known", "mean", "quantile", "exceed")}
+    out: dict[str, list[Any]] = {name: [] for name in ("known", "mean", "quantile", "exceed", "held_mean", "held_quantile")}
+    gaps: list[float] = []
     at = here = 0.0
     for row, ahead in zip(rows, coming, strict=True):
         travel = distance[row] - at
@@ -226,6 +96,8 @@ def forecast_slip(
             if travel < NEW_TRAVEL and np.isfinite(last):  # a newer value of the same travel replaces the older one
                 bank = copy(before)
             else:
+                if np.isfinite(last):
+                    gaps.append(travel)
                 bank.advance(travel)
                 before, at, here = copy(bank), distance[row], _mean_slope(slope, distance, sum_from, row)
                 sum_from = row
@@ -236,6 +108,10 @@ def forecast_slip(
         out["known"].append(last)
         out["mean"].append(mean)
         out["quantile"].append(values)
+        shares, reach = _shares_held(gaps, travel)
+        mean, values = bank.held(reach, ahead, last, shares, probabilities)
+        out["held_mean"].append(mean)
+        out["held_quantile"].append(values)
         out["exceed"].append(bank.exceeding(travel + AHEAD, ahead, limit))
     number = {"units": "1"}
     exceed = np.array(out["exceed"])
@@ -245,6 +121,10 @@ def forecast_slip(
             "known": ("step", out["known"], number | {"long_name": "last measured slip"}),
             "mean": ("step", out["mean"], number | {"long_name": "mean of the slip over the next metre"}),
             "quantile": (("step", "probability"), np.array(out["quantile"]), number | {"long_name": "quantiles of that slip"}),
+            "held_mean": ("step", out["held_mean"], number | {"long_name": "mean of the log's slip over the next metre"}),
+            "held_quantile": (
+                ("step", "probability"), np.array(out["held_quantile"]), number | {"long_name": "quantiles of that mean"},
+            ),
             "exceed": ("step", exceed, number | {"long_name": f"probability of a slip above {limit:g} within 2 m"}),
             "warning": ("step", warning, {"long_name": f"that probability is {threshold:g} or more"}),
         },
@@ -298,6 +178,23 @@ def _forecast_rows(distance: Array, slip: Array, every: float) -> Any:
     return np.array(rows)
 
 
+def _shares_held(gaps: list[float], travel: float) -> tuple[Array, float]:
+    """Return how much of the next metre may pass before the next measurement.
+
+    Args:
+        gaps: travel between past measurements, m.
+        travel: travel since the last one, m.
+
+    Returns:
+        Shares (n,), 0 to 1, equally probable; usual travel from the last measurement to the next, m.
+    """
+    usual = np.array(gaps[-RECENT:] or [AHEAD])
+    usual = usual[usual > travel]
+    usual = usual if len(usual) else np.array([travel])
+    left = usual[:, None] + np.array(JITTER) - travel
+    return np.clip(left.ravel() / AHEAD, 0.0, 1.0), float(np.median(usual))
+
+
 def _mean_slope(slope: Array, distance: Array, start: int, end: int) -> float:
     """Return the mean slope over the travel between two rows; a usual one if it is not known."""
     part, travel = slope[start : end + 1], np.diff(distance[start : end + 1], prepend=distance[start])
@@ -345,8 +242,3 @@ def _slope_ahead(rover: Rover, terrain: Terrain, data: xr.Dataset, rows: Any) ->
     present = [data[name].to_numpy()[rows] for name in ("along", "across")]
     moved = [now + np.nan_to_num(part[1] - part[0]) for now, part in zip(present, slopes, strict=True)]
     return np.asarray(np.hypot(*moved))
-
-
-def _logit(slip: float) -> float:
-    """Return the logit of a slip, limited to where it is finite."""
-    return float(logit(np.clip(slip, SMALLEST, 1 - SMALLEST)))

@@ -53,7 +53,7 @@ def score_forecast(forecast: xr.Dataset, log: xr.Dataset) -> xr.Dataset:
     measured = data["row"].to_numpy()[known]
     if len(slip) < SKIPPED + 3:
         raise RockerbogieError(f"the log has {len(slip)} measurements of slip: a score needs {SKIPPED + 3}")
-    at, mean, quantile = (forecast[name].to_numpy() for name in ("distance", "mean", "quantile"))
+    at = forecast["distance"].to_numpy()
     fitted = _slope_fits(slip, slope)
     first = travel[SKIPPED]
     rmse, count, coverage = np.full((2, len(BY)), np.nan), np.zeros(2, dtype=np.int64), np.full(2, np.nan)
@@ -66,6 +66,7 @@ def score_forecast(forecast: xr.Dataset, log: xr.Dataset) -> xr.Dataset:
     for k, (used, truth) in enumerate(zip((steps, rows), truths, strict=True)):
         if not len(used):
             continue
+        mean, quantile = (forecast[("", "held_")[k] + name].to_numpy() for name in ("mean", "quantile"))
         count[k] = len(used)
         coverage[k] = ((quantile[used, 0] <= truth) & (truth <= quantile[used, -1])).mean()
         metre = _held(travel, slip, at[used] - 1, at[used])

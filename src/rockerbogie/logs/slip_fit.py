@@ -17,7 +17,8 @@ from ..files.version import __version__
 from ..motion.soil_slip import SoilSlip
 from ..rover.model import LOAD_ROVER, Rover
 from ..terrain.heightfield import Terrain
-from .forecast import CHANGES, ERRORS, POSITION_ERROR, SMALLEST, START, slip_log_of, slope_by_map
+from .forecast import slip_log_of, slope_by_map
+from .slip_bank import CHANGES, ERRORS, POSITION_ERROR, SMALLEST, START
 from .slip_log import last_of_each
 
 if TYPE_CHECKING:

@@ -107,7 +107,8 @@ def arrange_slip_log(log: xr.Dataset) -> xr.Dataset:
     """Check a slip log that was made by hand.
 
     Args:
-        log: over one dim with `time`, `distance` and `slip`, and, if available, `along`, `across`: see `read_slip_log`.
+        log: over one dim with `time`, `distance` and `slip`, and, if available, `along`, `across`, `x`, `y`, `yaw` and
+            `heading`: see `read_slip_log`. Without `heading` the drive is forward.
 
     Returns:
         The log over `row`, with all variables of `read_slip_log` that have a default.
@@ -128,6 +129,8 @@ def arrange_slip_log(log: xr.Dataset) -> xr.Dataset:
     for name in ("x", "y", "yaw", "heading"):
         if name in log.variables:
             values[name] = np.asarray(log[name].to_numpy(), dtype=float)
+    if all(name in values for name in ("x", "y", "yaw")):
+        values.setdefault("heading", np.ones(len(values["slip"])))
     return _dataset(values, str(log.attrs.get("log", dim)))
 
 
