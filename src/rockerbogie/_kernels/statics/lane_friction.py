@@ -41,6 +41,7 @@ WIDEST = 64.0  # largest friction coefficient tried
 STEEP, ABOVE = 1.3, 0.05  # first friction coefficient: STEEP times the contacts' mean slope, and ABOVE
 LEAST_COSINE = 0.05  # of a contact's slope in it
 PROOF = 1.5  # of the power v·b: work that the proof takes from the motion
+LAST = 1e-3  # of that power: the search ends without a proof
 PROVED = 100.0  # of that power: largest gap between the least friction found, or 1, and its bound
 ROUNDING = 1e-9  # taken from a proved coefficient, for the rounding of velocities and power
 UNSOLVED = 255
@@ -92,8 +93,8 @@ def friction_batch(
                 elif t.steps[l] - t.first[l] >= CENTRE_STEPS:
                     low[l], lost = began[l], True
             elif lanes[RESULT.gap * LANES + l] < gap:
-                done = True
-                _finish(t, l, field, gap, force, torque, required, bound, limit, belly, status, solved)
+                done = _finish(t, l, field, gap, force, torque, required, bound, limit, belly, status, solved)
+                done |= lanes[RESULT.gap * LANES + l] < LAST * gap
             elif not lanes[RESULT.bowed * LANES + l] > 0.0 or not lanes[RESULT.alpha * LANES + l] > LOST:
                 high[l], lost = began[l], True
             if lost and not done:
@@ -229,23 +230,28 @@ def _finish(
     t: Block, l: int, field: Array, gap: float,
     force: Array, torque: Array, required: Array, bound: Array, limit: Array, belly: Array, status: NDArray[np.uint8],
     solved: int,
-) -> None:  # fmt: skip
-    """Fill the results of a lane whose minimum is proved.
+) -> bool:  # fmt: skip
+    """Fill the results of a lane if its minimum is proved.
 
     Args:
         t: work arrays.
         l: lane.
         field, gap, force, torque, required, bound, limit, belly, status, solved: as for `friction_batch`.
+
+    Returns:
+        True if it is proved.
     """
     v = np.empty(BALANCE_EQUATIONS)
     _shifted_motion(t, l, v)
     below = proved(t, l, v)
     if not is_proved(t.lanes[STATE.mu * LANES + l], below, gap):
-        return
+        return False
     balance_step(t.lanes, WHEELS)
-    if is_proved(friction_used(t, l), below, gap):  # a wheel that carries almost nothing may use more friction by rounding
-        store_forces(t, l, field, below, force, torque, required, bound, limit, belly)
-        status[t.pose[l]] = solved
+    if not is_proved(friction_used(t, l), below, gap):  # a wheel that carries almost nothing may use more friction by rounding
+        return False
+    store_forces(t, l, field, below, force, torque, required, bound, limit, belly)
+    status[t.pose[l]] = solved
+    return True
 
 
 @njit
