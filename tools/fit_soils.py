@@ -1,8 +1,8 @@
 """Fits of soils to public wheel trials: CMU sand, NASA's tilting bed, NASA's single wheel.
 
 Usage: python tools/fit_soils.py DATA, where DATA holds cmu_wheel_trials.csv, nasa_mgru3_slope_slip.csv and
-nasa_trec_single_wheel.csv. Each data set is fitted on alternate trials and judged on the others; the fit to all trials is
-printed last. docs/soil.md records the results.
+nasa_trec_single_wheel.csv. Each data set is fitted on alternate trials and judged on the others. The CMU trials are also
+divided by condition, so that no repetition of a judged trial is fitted. docs/soil.md records the results.
 """
 
 from __future__ import annotations
@@ -100,6 +100,14 @@ def halves(trials: WheelTrials) -> np.ndarray:
     return half
 
 
+def conditions(path: Path) -> np.ndarray:
+    """Return 0 or 1 of each CMU trial: alternate wheels, slip angles and rates."""
+    rows = [row for row in read(path) if np.radians(float(row["slip_angle_deg"])) < CMU_ANGLE]
+    keys = [(row["wheel"], float(row["slip_angle_deg"]), float(row["wheel_rate_deg_s"])) for row in rows]
+    order = sorted(set(keys))
+    return np.array([order.index(key) % 2 for key in keys])
+
+
 def fit_cmu(trials: WheelTrials, angle: np.ndarray, steps: int = 60) -> WheelFit:
     """Return the fit of the CMU sand."""
     rows = np.tile(np.arange(angle.size), len(CMU_LOADS))
@@ -126,12 +134,12 @@ def judge_cmu(soil: rb.Soil, trials: WheelTrials, angle: np.ndarray) -> str:
 def main(folder: Path) -> None:
     """Fit all data sets and print the results."""
     trials, angle = cmu_trials(folder / "cmu_wheel_trials.csv")
-    index = halves(trials)
-    for half in (0, 1):
-        rows = index == half
-        fit = fit_cmu(trials.take(rows), angle[rows])
-        print(f"CMU, fitted on half {half}: {judge_cmu(fit.soil, trials.take(rows), angle[rows])}")
-        print(f"CMU, judged on the other: {judge_cmu(fit.soil, trials.take(~rows), angle[~rows])}")
+    for name, index in (("trials", halves(trials)), ("conditions", conditions(folder / "cmu_wheel_trials.csv"))):
+        for half in (0, 1):
+            rows = index == half
+            fit = fit_cmu(trials.take(rows), angle[rows])
+            print(f"CMU, fitted on half {half} of the {name}: {judge_cmu(fit.soil, trials.take(rows), angle[rows])}")
+            print(f"CMU, judged on the other: {judge_cmu(fit.soil, trials.take(~rows), angle[~rows])}")
     fit = fit_cmu(trials, angle)
     print(f"CMU, all: {judge_cmu(fit.soil, trials, angle)}")
     for name, value in fit.values.items():

@@ -282,6 +282,7 @@ def wrong(**changes):
         (wrong(slip=np.full(40, 20.0)), "percent"),
         (wrong(distance=np.arange(40.0)[::-1]), "decreases"),
         (wrong().drop_vars("distance"), "distance"),
+        (wrong(distance=1e3 * made(walk(1, 10))["distance"].values), "distance in metres"),
     ],
 )
 def test_wrong_logs_give_a_sentence(rover, log, says):

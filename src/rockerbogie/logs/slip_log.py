@@ -30,6 +30,8 @@ STEP, PAUSE, STANDING = 0.02, 2.0, 0.02
 LONGEST, TURNING, STEERED = 1.5, 0.2, 0.5
 #: Steps between updates without wheel angles: speed of the wheels, m/s, and longest travel of a step, m.
 STEP_SPEED, STEP_LENGTH = 0.0442, 1.0
+#: Fastest mean speed of wheels, m/s.
+FASTEST = 10.0
 #: Largest yaw of a log, rad.
 MOST_TURNS = 4 * np.pi
 DRIVE, STEPS = "perseverance drive", ("sclk0_0", "sclk1_0", "fast_slip_frac")
@@ -143,6 +145,11 @@ def _dataset(values: dict[str, Any], name: str) -> xr.Dataset:
         if not np.isfinite(column).all() or (np.diff(column) < 0).any():
             row = int(np.argmax(~np.isfinite(column) | (np.diff(column, prepend=column[0]) < 0))) + 1
             raise RockerbogieError(f"{name}: {key} is not finite or decreases in row {row}: sort the log and fill its gaps")
+    took, gone = np.ptp(values["time"]), np.ptp(values["distance"])
+    if gone > FASTEST * took > 0.0:
+        raise RockerbogieError(
+            f"{name}: the wheels travel {gone:g} m in {took:g} s: give the distance in metres and the time in seconds"
+        )
     slip = values["slip"]
     if not np.isfinite(slip).any():
         raise RockerbogieError(f"{name} holds no slip after the wheels began to turn: there is nothing to fit")

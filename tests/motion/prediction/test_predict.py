@@ -191,6 +191,7 @@ def test_records_are_a_subset_of_all_steps(rover: rb.Rover) -> None:
         ({"torque": -3.0}, "torque is -3.0"),
         ({"gravity": 0.0}, "gravity is 0.0"),
         ({"speed": 0.0}, "speed is 0.0"),
+        ({"speed": 40.0}, "mm/s"),
         ({"step": -1.0}, "step is -1.0"),
         ({"step": 1e-9}, "give a longer step"),
         ({"friction": [0.5, 0.6], "start": np.zeros((3, 3))}, "do not broadcast"),

@@ -25,6 +25,8 @@ from .soil import SoilTables, soil_tables
 if TYPE_CHECKING:
     import xarray as xr
 
+#: Fastest commanded speed, m/s: the motion is quasi-static.
+FASTEST = 10.0
 #: Default step over the smallest wheel radius.
 STEP_SHARE = 0.25
 #: Largest size of the records of one call, bytes.
@@ -94,7 +96,7 @@ def predict(
         gives the reason. Without batch axes the records end there.
 
     Raises:
-        PathError: speed or step that is not above 0; too many steps.
+        PathError: speed or step that is not above 0; a speed above 10 m/s; too many steps.
         RockerbogieError: another argument of a wrong type, shape or value; too many records for memory.
     """
     expect(rover, Rover, "rover", LOAD_ROVER)
@@ -104,6 +106,8 @@ def predict(
     field = checked_gravity(gravity)
     if not (_is_number(speed) and speed > 0):
         raise PathError(f"speed is {speed!r:.60} m/s; give one above 0 (to drive backwards, give a path whose yaw points back)")
+    if speed > FASTEST:
+        raise PathError(f"speed is {speed:g} m/s; the motion is quasi-static, give at most {FASTEST:g} (is it in mm/s?)")
     if step is None:
         step = STEP_SHARE * float(rover.wheel_radius.min())
     for name, value in (("step", step), ("record", step if record is None else record)):
