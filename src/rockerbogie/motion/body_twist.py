@@ -16,6 +16,7 @@ from ..arrays import Array, flat, spanned
 from ..errors import RockerbogieError
 from ..rover.frames import check_steering
 from ..rover.model import Rover
+from ..settling.pose import Pose
 from .jacobian import ContactState, batch_shape, contact_planes, reading
 
 UNKNOWNS = 9  # twist, rocker rate, bogie rates
@@ -118,8 +119,9 @@ def body_twist(
     if tilt is None and inclinometer_rates is not None:
         raise RockerbogieError("inclinometer_rates need the attitude: give a pose that has roll and pitch")
     if tilt is not None:  # without an attitude, its rates say nothing
-        lost = np.isnan(tilt).any(axis=-1, keepdims=True)
-        if lost.any():
+        unknown = np.isnan(tilt)
+        if unknown.any():
+            lost = unknown.any(axis=-1, keepdims=True)
             tilting, rate = np.where(lost, np.nan, tilting), np.where(lost, np.nan, rate)
     given = {"wheel_rates": wheels, "rocker_rate": rocker, "bogie_rates": bogies, "gyro": angular, "inclinometer_rates": tilting}
     shapes = {name: value.shape[:-1] for name, value in (given | {"steering_rates": turned, "steering": turn}).items()}
@@ -168,6 +170,8 @@ def body_twist(
 
 def _attitude(pose: ContactState) -> Array | None:
     """Return roll and pitch (..., 2) of a pose, rad, or None if it has none."""
+    if isinstance(pose, Pose):
+        return pose.q[..., 1:3]
     if not (hasattr(pose, "roll") and hasattr(pose, "pitch")) or callable(pose.roll):  # a Dataset's roll is its method
         return None
     roll, pitch = np.asarray(pose.roll, dtype=float), np.asarray(pose.pitch, dtype=float)
