@@ -15,7 +15,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from simulated_rover import PERIOD, REACHED, STEERING_RATE, SimulatedRover, angles, wanted
+from simulated_rover import PERIOD, REACHED, STEERING_RATE, SimulatedRover, angles
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
@@ -97,7 +97,7 @@ def drive(robot: SimulatedRover, speed: float, legs: int, parameters: dict[str, 
                 if corner == legs:
                     break
             twist = Twist()
-            twist.linear.x, twist.angular.z = wanted(at, yaw, robot.corners[corner], speed)
+            twist.linear.x, twist.angular.z = robot.wanted(at, yaw, corner, speed)
             count = len(wheels), len(steering)
             send["twists"].publish(twist)
             bench.until(lambda count=count: len(wheels) > count[0] and len(steering) > count[1], "commands")

@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 
 import numpy as np
-from simulated_rover import PERIOD, REACHED, STEERING_RATE, SimulatedRover, angles, wanted
+from simulated_rover import PERIOD, REACHED, STEERING_RATE, SimulatedRover, angles
 
 import rockerbogie as rb
 
@@ -45,7 +45,7 @@ def drive(name: str, seed: int, rocks: float, contact: bool, share: bool, legs: 
             corner += 1
             if corner == legs:
                 break
-        v, turn = wanted(estimate.position[:2], yaw, robot.corners[corner], speed)
+        v, turn = robot.wanted(estimate.position[:2], yaw, corner, speed)
         command = controller.command(
             (v, 0.0, turn), dt=PERIOD, steering=now.steering, rocker=now.suspension[0], bogie=now.suspension[1:],
             contact_angle=estimate.contact_angle if contact else None, effort=now.effort if share else None,

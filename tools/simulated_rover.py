@@ -13,6 +13,8 @@ from rockerbogie.simulation.rigid_body import Rig
 
 #: Time between commands, s; distance at which a corner is reached, m; largest rates of turn and of the steering motors, rad/s.
 PERIOD, REACHED, TURNING, STEERING_RATE = 0.04, 0.25, 0.1, 0.3
+#: Heading error from which the rover turns on the spot, and below which it drives on, rad.
+ASIDE, ALIGNED = 0.5, 0.1
 #: Height above the settled pose at the start, m; time to settle, s; terrain beyond the square, m.
 START_LIFT, STAND, MARGIN = 2e-5, 0.5, 4.0
 
@@ -46,7 +48,7 @@ class SimulatedRover:
         self.rig = Rig(self.rover, build_spec(self.rover, terrain, friction=friction).compile())
         self.rig.place(pose, START_LIFT)
         self.rig.step(STAND)
-        self._begin, self.length = self.rig.data.time, 0.0
+        self._begin, self.length, self._turning = self.rig.data.time, 0.0, False
 
     @property
     def position(self) -> np.ndarray:
@@ -62,21 +64,21 @@ class SimulatedRover:
             np.array([x, y, z, w]), s.body_velocity[3:],
         )  # fmt: skip
 
+    def wanted(self, at: np.ndarray, yaw: float, corner: int, speed: float) -> tuple[float, float]:
+        """Return speed, m/s, and turn rate, rad/s, towards a corner."""
+        dx, dy = self.corners[corner] - at
+        off = (np.arctan2(dy, dx) - yaw + np.pi) % (2 * np.pi) - np.pi
+        self._turning = abs(off) > (ALIGNED if self._turning else ASIDE)
+        if self._turning:
+            return 0.0, float(np.copysign(TURNING, off))
+        return speed, float(np.clip(0.6 * off, -TURNING, TURNING))
+
     def move(self, wheel_rates: np.ndarray, steering: np.ndarray) -> None:
         """Command the motors and advance by `PERIOD`."""
         before = self.position
         self.rig.command(wheel_rates, steering)
         self.rig.step(PERIOD)
         self.length += float(np.linalg.norm(self.position - before))
-
-
-def wanted(at: np.ndarray, yaw: float, corner: np.ndarray, speed: float) -> tuple[float, float]:
-    """Return speed, m/s, and turn rate, rad/s, towards a corner."""
-    dx, dy = corner - at
-    off = (np.arctan2(dy, dx) - yaw + np.pi) % (2 * np.pi) - np.pi
-    if abs(off) > 0.5:
-        return 0.0, float(np.copysign(TURNING, off))
-    return speed, float(np.clip(0.6 * off, -TURNING, TURNING))
 
 
 def angles(quaternion: np.ndarray) -> tuple[float, float, float]:
