@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
+from scipy.optimize import lsq_linear
 
 import rockerbogie as rb
-from rockerbogie._kernels.model import ground, wheel
-from rockerbogie._kernels.search import bilinear_rim, cubic_derivatives, cubic_rim
+from rockerbogie._kernels.model import ground, tolerances, wheel
+from rockerbogie._kernels.search import bilinear_rim, cubic_derivatives, cubic_parts, cubic_rim, cubic_tread
 
 Array = NDArray[np.float64]
 
@@ -171,3 +172,107 @@ def test_a_minimum_on_the_border_of_two_parts_is_found(seed: int) -> None:
     assert pose.status == rb.Status.CONVERGED
     assert check.passes(1e-6)
     assert ((check.gap_low - 1e-8 <= pose.gap) & (pose.gap <= check.gap_high + 1e-8)).all()
+
+
+def some_cell(rng: np.random.Generator) -> tuple[Array, Array, Array]:
+    """Return the coefficients of one cell of 4 m, its map header, and a wheel over its middle."""
+    c = rng.normal(size=(4, 4)) * rng.choice([0.01, 0.1, 0.5])
+    meta = np.zeros(ground.META_SIZE)
+    meta[[ground.META_DX, ground.META_DY, ground.META_NX, ground.META_NY, ground.META_CUBIC]] = 4.0, 4.0, 2, 2, 1.0
+    w, _, _ = some_wheel(rng)
+    w[wheel.HX] += 2.0
+    w[wheel.HY] += 2.0
+    return c, meta, w
+
+
+def height_of_half(c: Array, meta: Array, w: Array, side: float, x: float, y: float) -> float:
+    """Return the height of half a tread above the terrain, m; NaN beside it."""
+    u, v = x * w[wheel.EX] + y * w[wheel.EY], x * w[wheel.VX] + y * w[wheel.VY]
+    if abs(u) > w[wheel.RADIUS]:
+        return math.nan
+    t = w[wheel.HZ] + v * w[wheel.TAN] - side * math.sqrt(w[wheel.RADIUS] ** 2 - u * u) / w[wheel.COS]
+    return float(t - ground.surface(c, meta, w[wheel.HX] + x, w[wheel.HY] + y)[0])
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("seed", range(12))
+def test_parts_of_a_cell_are_bounded_and_decided(seed: int) -> None:
+    """A closed part has no minimum below the limit; a convex part lies below its chords."""
+    rng = np.random.default_rng(seed)
+    c, meta, w = some_cell(rng)
+    radius, decided = w[wheel.RADIUS], [0, 0, 0]
+    for _ in range(8):
+        side = rng.choice([1.0, 1.0, -1.0])
+        rx, ry = rng.uniform(0.01, 0.5, 2) * radius * rng.choice([0.1, 1.0])
+        x, y = rng.uniform(-0.9, 0.9, 2) * radius
+        xs, ys = np.linspace(x - rx, x + rx, 21), np.linspace(y - ry, y + ry, 21)
+        heights = np.array([[height_of_half(c, meta, w, side, a, b) for a in xs] for b in ys])
+        if np.isnan(heights).all():
+            continue
+        low, _, _ = cubic_tread.bound_part(c, meta, w, side, 0, 0, x, y, rx, ry)
+        least = np.nanmin(heights)
+        assert low <= least + 1e-12
+        limit = least + rng.choice([-0.01, 0.01, 1.0]) * radius
+        verdict = cubic_tread._decide(c, meta, w, side, 0, 0, x, y, rx, ry, limit)
+        decided[verdict] += 1
+        if verdict == cubic_tread.CLOSED and least < limit:
+            j, i = np.unravel_index(np.nanargmin(heights), heights.shape)
+            inside = 0 < i < 20 and 0 < j < 20
+            assert not inside or np.isnan(heights[j - 1 : j + 2, i - 1 : i + 2]).any()
+        if verdict == cubic_tread.CONVEX:
+            for axis in (0, 1):
+                second = np.diff(heights, 2, axis)
+                assert not (second < -1e-9).any()
+            diagonal = heights[2:, 2:] - 2.0 * heights[1:-1, 1:-1] + heights[:-2, :-2]
+            assert not (diagonal < -1e-9).any()
+    assert sum(decided) > 0
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("seed", range(40))
+def test_bounded_steps_lead_to_the_minimum_in_a_rectangle(seed: int) -> None:
+    """On convex quadratics, also narrow valleys, the steps end at the minimum."""
+    rng = np.random.default_rng(seed)
+    angle, stiff = rng.uniform(0.0, math.pi), 10.0 ** rng.uniform(-7.0, 0.0)
+    axis = np.array([math.cos(angle), math.sin(angle)])
+    hessian = np.outer(axis, axis) + stiff * (np.eye(2) - np.outer(axis, axis))
+    centre, size = rng.normal(size=2) * 2.0, rng.uniform(0.2, 1.0, 2)
+
+    def value(at: Array) -> float:
+        return float(0.5 * (at - centre) @ hessian @ (at - centre))
+
+    at = np.zeros(2)
+    for _ in range(30):
+        slope = hessian @ (at - centre)
+        x, y, decrease, held = cubic_parts.bounded_step(*at, *size, *slope, hessian[0, 0], hessian[0, 1], hessian[1, 1])
+        assert held >= 0
+        if decrease < tolerances.MIN_DECREASE:
+            break
+        at = np.array([x, y])
+    assert decrease < tolerances.MIN_DECREASE
+    assert (np.abs(at) <= size).all()
+    root = np.linalg.cholesky(hessian).T
+    best = lsq_linear(root, root @ centre, (-size, size), tol=1e-14).x
+    assert value(at) <= value(best) + 1e-12
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("steep", [0.0, 1.0, -1e3, 1e5, -1e6])
+@pytest.mark.parametrize("middle", [0.0, 0.9, 1.2])
+def test_newton_converges_at_the_ends_of_a_tread(steep: float, middle: float) -> None:
+    """The minimum of a part is found on any slope, also within 1e-12 of the tread's end."""
+    radius, half = 0.25, 0.2
+    _, meta, w = some_cell(np.random.default_rng(0))
+    # a cylinder along the wheel's heading: the spline of these coefficients is steep x - (y - 2)² / 16 and a constant
+    c = 4.0 * steep * np.arange(4.0)[None, :] - (np.arange(4.0)[:, None] - 1.5) ** 2
+    assert wheel.make_wheel(w, 2.0, 2.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, radius, half)
+    lowest, side = np.full(wheel.CONTACT_SIZE, math.inf), math.copysign(1.0, steep)
+    part = middle * radius * side, 0.0, 0.5 * radius if middle else radius, 0.1
+    none = np.empty((0, wheel.CONTACT_SIZE))
+    assert cubic_tread._convex_part(c, meta, w, 1.0, *part, lowest, -math.inf, none, 0) == 0
+    best = steep / math.hypot(1.0, steep)  # sin φ of the minimum, limited to the part
+    sine = side * max(abs(best), middle - 0.5 if middle else 0.0)
+    hub, _, _, _, _, _ = ground.surface(c, meta, 2.0, 2.0)
+    least = -radius * math.sqrt(1.0 - sine * sine) - steep * radius * sine - hub
+    assert lowest[wheel.GAP] == pytest.approx(least, abs=1e-12 * (1.0 + abs(hub)))
+    assert lowest[wheel.SIN] == pytest.approx(sine, abs=1e-9)

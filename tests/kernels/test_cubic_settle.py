@@ -9,7 +9,7 @@ import pytest
 
 import rockerbogie as rb
 from rockerbogie._kernels.model import wheel
-from rockerbogie._kernels.search import verify_minimum
+from rockerbogie._kernels.search import tread, verify_minimum
 from rockerbogie._kernels.search.workspace import WORK_SIZE, lay_out
 from support import oracle
 from support.helpers import paper_rover, random_rover
@@ -121,8 +121,10 @@ def test_a_verified_minimum_is_the_minimum(seed: int) -> None:
             gap = points[:, 2] - terrain.height(points[:, 0], points[:, 1])
             at, low = phi[gap.argmin()], gap.min()
             w[wheel.HZ] = hub[2] - terrain.meta[2] - low  # lowered until this point is in contact
-            work = lay_out(np.zeros(WORK_SIZE))
+            buffer = np.zeros(WORK_SIZE)  # `work` does not own it
+            work = lay_out(buffer)
             verdict = verify_minimum.is_least(terrain.packed, w, math.sin(at), math.cos(at), place, work.lowest, work.none)
+            buffer[0] = 0.0
             if verdict != verify_minimum.LEAST:
                 continue
             decided += 1
@@ -132,3 +134,57 @@ def test_a_verified_minimum_is_the_minimum(seed: int) -> None:
             least = oracle.least_gap(oracle.Ground.of(terrain), one, tolerance=1e-9)
             assert least.gap.min() > -2e-8  # the lowest of 20,001 samples is within r (1e-4)² / 8 of the minimum
     assert decided > 20
+
+
+@pytest.mark.parametrize("keep", [-math.inf, 1e-3])
+def test_rims_hold_the_only_low_point_where_bounds_show_it(keep: float) -> None:
+    """Bounds decide half of the treads; the search finds the same minimum and no other."""
+    rng = np.random.default_rng(9)
+    decided = 0
+    for _ in range(60):
+        terrain = smooth_ground(int(rng.integers(1 << 30)), rng.uniform(0.1, 0.6), rng.uniform(2.0, 6.0), 1.0, 20.0)
+        radius, half = rng.uniform(0.1, 0.4), rng.uniform(0.0, 0.3)
+        tilt, ahead = rng.uniform(-0.3, 0.3), rng.uniform(-np.pi, np.pi)
+        axle = np.array([-math.sin(ahead) * math.cos(tilt), math.cos(ahead) * math.cos(tilt), math.sin(tilt)])
+        x, y = rng.uniform(6, 12, 2)
+        w = np.zeros(wheel.WHEEL_SIZE)
+        hub_z = float(terrain.height(x, y)) + radius - terrain.meta[2]
+        assert wheel.make_wheel(w, x, y, hub_z, *axle, 0.0, 0.0, 1.0, radius, half)
+        buffer = np.zeros(WORK_SIZE)  # `work` does not own it
+        work = lay_out(buffer)
+        code, _ = tread.least_gap(terrain.packed, w, 0.0, 1.0, 0.0, True, -math.inf, work.lowest, work.none)
+        assert code == tread.FOUND
+        lowest = work.lowest.copy()
+        limit = keep + lowest[wheel.GAP] if keep > 0.0 else keep
+        if verify_minimum._least_of_rims(terrain.packed, w, 0.0, 1.0, limit, work.lowest):
+            decided += 1
+            assert work.lowest[wheel.GAP] == pytest.approx(lowest[wheel.GAP], abs=1e-9)
+            _, kept = tread.least_gap(terrain.packed, w, 0.0, 1.0, 0.0, True, limit, work.lowest, work.contacts)
+            for _, sine, cosine, s in work.contacts[:kept]:
+                if max(abs(sine - lowest[wheel.SIN]), abs(s - lowest[wheel.PLACE])) < 1e-4:
+                    continue
+                # an end of an arc in one cell: the gap falls beyond it
+                a = math.atan2(sine, cosine)
+                turned = [(math.sin(b), math.cos(b)) for b in (a, a + 1e-4, a - 1e-4)]
+                gaps = [wheel.gap_at(terrain.grid, terrain.meta, w, *at, s) for at in turned]
+                assert min(gaps[1:]) < gaps[0]
+        buffer[0] = 0.0
+    assert decided > 30
+
+
+def test_a_contact_of_a_thin_disc_is_listed_once() -> None:
+    """Ends of halved arcs are not listed beside the contact, except at a cell's side."""
+    rng = np.random.default_rng(4)
+    t = rb.Terrain.from_array(0.02 * rng.normal(size=(121, 121)), 0.1, interpolation="cubic")
+    buffer = np.zeros(WORK_SIZE)  # `work` does not own it
+    work, listed = lay_out(buffer), []
+    for x, y in rng.uniform(4.0, 8.0, (40, 2)):
+        w, ahead = np.zeros(wheel.WHEEL_SIZE), rng.uniform(-np.pi, np.pi)
+        assert wheel.make_wheel(w, x, y, 1.0, -math.sin(ahead), math.cos(ahead), 0.0, 0.0, 0.0, 1.0, 0.25, 0.0)
+        code, _ = tread.least_gap(t.packed, w, 0.0, 1.0, 0.0, True, -math.inf, work.lowest, work.none)
+        assert code == tread.FOUND
+        keep = work.lowest[wheel.GAP] + 1e-6
+        listed.append(tread.least_gap(t.packed, w, 0.0, 1.0, 0.0, True, keep, work.lowest, work.contacts)[1])
+    buffer[0] = 0.0
+    assert min(listed) >= 1
+    assert max(listed) <= 2

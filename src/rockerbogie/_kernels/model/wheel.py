@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 HX, HY, HZ, AX, AY, AZ, EX, EY, UX, UY, UZ, COS, TAN, RADIUS, HALF, VX, VY, ZX, ZY, ZZ = range(20)
 # Scratch of its search: a cell's surface, a plane below the tread, crossings of a rim with a cell, bounds on the derivatives of a
 # cell and of the cells under the tread, lower bounds of a row of cells. One array is passed faster than many.
-CELL, PLANE, ENDS, DERIVATIVES, DERIVATIVES_OF_TREAD, PATCH, BOUND = 20, 24, 27, 83, 93, 103, 129
+CELL, PLANE, ENDS, DERIVATIVES, DERIVATIVES_OF_TREAD, PATCH, BOUND = 20, 24, 28, 84, 94, 104, 130
 ROW = 64  # cells bounded at once
 WHEEL_SIZE = BOUND + ROW
 

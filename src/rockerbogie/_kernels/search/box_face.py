@@ -295,12 +295,11 @@ def _minimum_in_part(
         The position, m from the body's origin, and the number of its coordinates that are held at the part's sides; -1 if
         Newton's method did not converge.
     """
-    ox, oy = xm, ym
+    a = b = 0.0
     for _ in range(30):
-        _, hx, hy, hxx, hxy, hyy = surface(grid, meta, face.x + ox, face.y + oy)
-        fx, fy = face.gx - hx, face.gy - hy
-        step_x, step_y, held = bounded_step(ox - xm, oy - ym, rx, ry, fx, fy, even_x - hxx, -hxy, even_y - hyy)
-        if held < 0 or abs(fx * step_x + fy * step_y) < MIN_DECREASE:
-            return ox, oy, held
-        ox, oy = min(max(ox + step_x, xm - rx), xm + rx), min(max(oy + step_y, ym - ry), ym + ry)
-    return ox, oy, -1
+        _, hx, hy, hxx, hxy, hyy = surface(grid, meta, face.x + xm + a, face.y + ym + b)
+        new_a, new_b, decrease, held = bounded_step(a, b, rx, ry, face.gx - hx, face.gy - hy, even_x - hxx, -hxy, even_y - hyy)
+        if held < 0 or decrease < MIN_DECREASE:
+            return xm + a, ym + b, held
+        a, b = new_a, new_b
+    return xm + a, ym + b, -1

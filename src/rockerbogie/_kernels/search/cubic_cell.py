@@ -11,12 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit.decorators import njit
-from ..model.ground import META_DX, META_DY
 from ..model.tolerances import CELL_MARGIN, GAP_TIE
-from ..model.wheel import AZ, COS, DERIVATIVES, GAP, HALF, HZ, RADIUS, VX, VY
-from .cubic_derivatives import DERIVATIVES_SIZE, derivative_bounds
+from ..model.wheel import AZ, COS, GAP, HALF, HZ, RADIUS, VX, VY
 from .cubic_rim import search_arc
-from .cubic_tread import search_inside
+from .cubic_tread import bound_part, search_inside
 from .rim_pieces import HALVES, ends_of, rim_over_cell
 
 Array = NDArray[np.float64]
@@ -39,14 +37,17 @@ def search_curved_cell(
     Returns:
         The new count; -1 if the cell is missing.
     """
-    derivatives, ends = w[DERIVATIVES : DERIVATIVES + DERIVATIVES_SIZE], ends_of(w)
-    if not derivative_bounds(grid, i, j, meta[META_DX], meta[META_DY], derivatives):
+    ends = ends_of(w)
+    low, _, _ = bound_part(grid, meta, w, 1.0, i, j, 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (x1 - x0), 0.5 * (y1 - y0))
+    if math.isnan(low):
         return -1
+    if low >= max(lowest[GAP] - GAP_TIE, keep):
+        return count
     half = w[HALF]
     if half > 0.0:
-        count = search_inside(grid, meta, w, i, j, derivatives, 1.0, x0, x1, y0, y1, lowest, keep, contacts, count)
+        count = search_inside(grid, meta, w, i, j, 1.0, x0, x1, y0, y1, lowest, keep, contacts, count)
         if not _upper_is_clear(grid, meta, w, -half if w[AZ] > 0.0 else half, i, j, max(lowest[GAP] - GAP_TIE, keep)):
-            count = search_inside(grid, meta, w, i, j, derivatives, -1.0, x0, x1, y0, y1, lowest, keep, contacts, count)
+            count = search_inside(grid, meta, w, i, j, -1.0, x0, x1, y0, y1, lowest, keep, contacts, count)
     across = 0.5 * (x0 + x1) * w[VX] + 0.5 * (y0 + y1) * w[VY]
     near = 0.5 * ((x1 - x0) * abs(w[VX]) + (y1 - y0) * abs(w[VY])) + w[RADIUS] * abs(w[AZ]) + CELL_MARGIN * (x1 - x0 + y1 - y0)
     for side in range(2 if half > 0.0 else 1):
@@ -64,7 +65,7 @@ def search_curved_cell(
                 high = math.atan2(ends[at + 1, 0], ends[at + 1, 1])
                 if high < low:
                     high += 2.0 * math.pi
-                count = search_arc(grid, meta, w, i, j, derivatives, s, low, high, lowest, keep, contacts, count)
+                count = search_arc(grid, meta, w, i, j, s, low, high, lowest, keep, contacts, count)
     return count
 
 

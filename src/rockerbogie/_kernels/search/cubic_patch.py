@@ -59,9 +59,10 @@ def bound_patch(
     x10, x11, x12, x13 = _polar(u0, u0, u1)
     x20, x21, x22, x23 = _polar(u0, u1, u1)
     x30, x31, x32, x33 = _polar(u1, u1, u1)
+    base = grid[j + 1, i + 1]  # heights from a coefficient: rounding is then in proportion to the relief of the cell
     for m in range(4):
         row, k = j + m, 4 * m
-        c0, c1, c2, c3 = grid[row, i], grid[row, i + 1], grid[row, i + 2], grid[row, i + 3]
+        c0, c1, c2, c3 = grid[row, i] - base, grid[row, i + 1] - base, grid[row, i + 2] - base, grid[row, i + 3] - base
         patch[k] = x00 * c0 + x01 * c1 + x02 * c2 + x03 * c3
         patch[k + 1] = x10 * c0 + x11 * c1 + x12 * c2 + x13 * c3
         patch[k + 2] = x20 * c0 + x21 * c1 + x22 * c2 + x23 * c3
@@ -74,7 +75,7 @@ def bound_patch(
     step_x, step_y = gx * wide / 3.0, gy * tall / 3.0
     for n in range(4):
         c0, c1, c2, c3 = patch[n], patch[n + 4], patch[n + 8], patch[n + 12]
-        at = c + n * step_x
+        at = c - base + n * step_x
         a0 = at - (y00 * c0 + y01 * c1 + y02 * c2 + y03 * c3)
         a1 = at + step_y - (y10 * c0 + y11 * c1 + y12 * c2 + y13 * c3)
         a2 = at + 2.0 * step_y - (y20 * c0 + y21 * c1 + y22 * c2 + y23 * c3)
@@ -83,6 +84,29 @@ def bound_patch(
         low = min(low, min(min(a0, a1), min(a2, a3)))
         total += a0 + a1 + a2 + a3
     return low + 0.0 * total
+
+
+@njit
+def lowest_over_bowl(patch: Array, xx: float, xy: float, yy: float) -> float:
+    """Return the lowest ordinate of a patch plus xx x² + xy x y + yy y².
+
+    The rectangle is |x| <= 1, |y| <= 1.
+
+    Args:
+        patch: (BOUNDS_SIZE,) ordinates, m.
+        xx, xy, yy: m.
+    """
+    low = math.inf
+    for m in range(4):
+        y = (2 * m - 3) / 3.0
+        square = yy if m == 0 or m == 3 else -yy / 3.0
+        k, twist = 4 * m, xy * y
+        a, b = (
+            min(patch[k] - twist, patch[k + 3] + twist) + xx,
+            min(patch[k + 1] - twist / 3.0, patch[k + 2] + twist / 3.0) - xx / 3.0,
+        )
+        low = min(low, min(a, b) + square)
+    return low
 
 
 @njit

@@ -45,19 +45,18 @@ THINNEST = 1e-6  # of a cell: a rectangle around an arc is not made smaller alon
 
 @njit
 def search_arc(
-    grid: Array, meta: Array, w: Array, i: int, j: int, derivatives: Array, s: float, low: float, high: float,
+    grid: Array, meta: Array, w: Array, i: int, j: int, s: float, low: float, high: float,
     lowest: Array, keep: float, contacts: Array, count: int,
 ) -> int:  # fmt: skip
     """Find the local minima of a rim's height above the terrain on an arc in one cell.
 
-    A piece of the arc is closed if its height is shown to be monotonic, to stay above what is sought, or to be convex. If
-    bounds over the cell do not show it, those over the piece's rectangle are tried; else the piece is halved.
+    A piece of the arc is closed if bounds over its rectangle show that its height is monotonic, stays above what is sought, or is
+    convex. Otherwise it is halved.
 
     Args:
         grid, meta: cubic terrain.
         w: (WHEEL_SIZE,) wheel.
         i, j: column and row of the cell.
-        derivatives: (DERIVATIVES_SIZE,) bounds on the cell's derivatives (`derivative_bounds`).
         s: m, position of the rim along the axle.
         low, high: rad, the arc's ends.
         lowest, keep, contacts, count: as `wheel.keep_lower_contact` takes them.
@@ -72,22 +71,14 @@ def search_arc(
         sb, cb = math.sin(b), math.cos(b)
         fb, gb, _, next_gx, next_gy = _along(grid, meta, w, sb, cb, s)
         length = b - a
-        curvature = _least_curvature(w, derivatives, gx, gy, a, b, sa, ca, sb, cb)
-        local = False
-        while True:
-            slack = 0.5 * max(-curvature, 0.0) * length
-            down, up = ga - slack, gb + slack  # slopes of f made convex: its tangents at a and b bound it from below
-            if local or curvature > 0.0 or down >= 0.0 or up <= 0.0 or length <= 1e-7:
-                break
-            if fa + down * (fb - fa - up * length) / (down - up) >= max(lowest[GAP] - GAP_TIE, keep):
-                break
-            local = True
-            on_arc = _derivatives_on_arc(grid, meta, w, i, j, s, length, sa, ca, sb, cb)
-            curvature = max(curvature, _least_curvature(w, on_arc, gx, gy, a, b, sa, ca, sb, cb))
-        if down >= 0.0:
-            count = keep_lower_contact(w, lowest, fa, sa, ca, s, keep, contacts, count)
+        on_arc = _derivatives_on_arc(grid, meta, w, i, j, s, length, sa, ca, sb, cb)
+        curvature = _least_curvature(w, on_arc, gx, gy, a, b, sa, ca, sb, cb)
+        slack = 0.5 * max(-curvature, 0.0) * length
+        down, up = ga - slack, gb + slack  # slopes of f made convex: its tangents at a and b bound it from below
+        if down >= 0.0:  # the end of a piece is a minimum only if the arc ends there or is level
+            count = keep_lower_contact(w, lowest, fa, sa, ca, s, keep if a == low or ga == 0.0 else -math.inf, contacts, count)
         elif up <= 0.0:
-            count = keep_lower_contact(w, lowest, fb, sb, cb, s, keep, contacts, count)
+            count = keep_lower_contact(w, lowest, fb, sb, cb, s, keep if b == high or gb == 0.0 else -math.inf, contacts, count)
         elif fa + down * (fb - fa - up * length) / (down - up) < max(lowest[GAP] - GAP_TIE, keep):
             if curvature > 0.0:
                 count = _convex_arc(grid, meta, w, s, a, b, ga, gb, lowest, keep, contacts, count)
@@ -137,7 +128,7 @@ def _least_curvature(
 
     Args:
         w: (WHEEL_SIZE,) wheel.
-        derivatives: (DERIVATIVES_SIZE,) bounds on the cell's derivatives (`derivative_bounds`).
+        derivatives: (DERIVATIVES_SIZE,) bounds on the second derivatives over the arc's rectangle.
         gx, gy: the terrain's slope at a.
         a, b: rad, the arc's ends.
         sa, ca, sb, cb: their sines and cosines.

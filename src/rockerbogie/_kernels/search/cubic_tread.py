@@ -1,7 +1,7 @@
 """Minima of the gap inside a tread, over a part of one cubic cell.
 
-The part is quartered until bounds on the spline's derivatives show that a quarter stays above what is sought, or that
-the gap is convex over it; Newton's method then finds its minimum.
+The part is quartered until the Bézier ordinates of a quarter show that it stays above what is sought, or that the gap is
+convex over it; Newton's method then finds its minimum.
 """
 
 from __future__ import annotations
@@ -15,130 +15,80 @@ from ..jit.decorators import inlined, njit
 from ..model.ground import META_DX, META_DY, surface
 from ..model.tolerances import GAP_TIE, MIN_CONCAVITY, MIN_DECREASE
 from ..model.wheel import AZ, COS, EX, EY, GAP, HALF, HX, HY, HZ, PATCH, RADIUS, TAN, VX, VY, keep_lower_contact
-from .cubic_derivatives import XX, XXX, XXY, XY, XYY, YY, YYY
 from .cubic_parts import bounded_step, next_part
 from .cubic_patch import (
     BOUNDS_SIZE,
     X_HIGH,
     X_LOW,
+    XX_HIGH,
     XX_LOW,
     XY_HIGH,
     XY_LOW,
     Y_HIGH,
     Y_LOW,
+    YY_HIGH,
     YY_LOW,
     bound_differences,
     bound_patch,
+    lowest_over_bowl,
 )
 
 Array = NDArray[np.float64]
 
 FINEST = 20  # times a part is quartered
+TREAD_END = 1e-14  # of the radius: T is not evaluated closer to its ends, where its slope is infinite
 
 UNDECIDED, CLOSED, CONVEX = range(3)
 
 
 @njit
 def search_inside(
-    grid: Array, meta: Array, w: Array, col: int, row: int, derivatives: Array, side: float,
-    x0: float, x1: float, y0: float, y1: float,
+    grid: Array, meta: Array, w: Array, col: int, row: int, side: float, x0: float, x1: float, y0: float, y1: float,
     lowest: Array, keep: float, contacts: Array, count: int,
 ) -> int:  # fmt: skip
-    """List the local minima of T - h inside the tread, over a part of a cubic cell.
+    """List the local minima of f = T - h inside the tread, over a part of a cubic cell.
 
     Over (u, v) the tread's lower (side 1) or upper half (side -1) has the height
-    T = z_hub + v tan τ - side sqrt(r² - u²) / cos τ. A local minimum needs h_vv <= 0, and h_uu <= T_uu. The part is quartered
-    until a quarter fails one of these conditions or that of the slope, lies under no tread, has a lower bound that is not below
-    what is sought, or T - h is shown to be convex over it. Newton's method then finds its minimum. docs/bounds.md derives the
-    bounds.
+    T = z_hub + v tan τ - side sqrt(r² - u²) / cos τ. The part is quartered until each quarter lies under no tread, `_decide`
+    closes it, or f is convex over it: Newton's method then finds its minimum. docs/bounds.md derives the bounds.
 
     Args:
         grid, meta: cubic terrain (ground.py).
         w: (WHEEL_SIZE,) wheel.
         col, row: the cell.
-        derivatives: (DERIVATIVES_SIZE,) bounds on the cell's derivatives (`derivative_bounds`).
         side: 1 for the tread's lower half, -1 for its upper half.
-        x0, x1, y0, y1: the part, m from the hub; it lies in one cell.
-        lowest, keep, contacts, count: as `wheel.keep_lower_contact` takes them.
+        x0, x1, y0, y1: m, the part from the hub.
+        lowest, keep, contacts, count: as `keep_lower_contact` takes them.
 
     Returns:
-        The new count.
+        count, with the minima kept.
     """
-    r, half = w[RADIUS], w[HALF]
+    r, reach = w[RADIUS], w[HALF] * w[COS]
     vx, vy, ex, ey = w[VX], w[VY], w[EX], w[EY]
     lean = side * w[AZ]
-    xx, xy, yy = vx * vx, 2.0 * vx * vy, vy * vy
-    across = derivatives[XX] * xx + min(derivatives[XY] * xy, derivatives[XY + 1] * xy) + derivatives[YY] * yy
-    if across > -MIN_CONCAVITY:
-        return count
-    if side < 0.0:  # T is concave along the wheel, by 1 / (r cos τ) at least: the ground must be more so
-        wheelward = (
-            derivatives[XX] * ex * ex
-            + min(2.0 * derivatives[XY] * ex * ey, 2.0 * derivatives[XY + 1] * ex * ey)
-            + derivatives[YY] * ey * ey
-        )
-        if wheelward * r * w[COS] > -1.0:
-            return count
     level, i, j = 0, 0, 0
     rx, ry = 0.5 * (x1 - x0), 0.5 * (y1 - y0)
     while True:
         x, y = x0 + (2 * i + 1) * rx, y0 + (2 * j + 1) * ry
         u, v = x * ex + y * ey, x * vx + y * vy
         ru, rv = rx * abs(ex) + ry * abs(ey), rx * abs(vx) + ry * abs(vy)
-        split = False
         q_far = math.sqrt(max(r * r - max(abs(u) - ru, 0.0) ** 2, 0.0))
         q_near = math.sqrt(max(r * r - (abs(u) + ru) ** 2, 0.0))
         low_s = v - rv - max(q_far * lean, q_near * lean)
         high_s = v + rv - min(q_far * lean, q_near * lean)
-        if abs(u) - ru < r and low_s < half * w[COS] and high_s > -half * w[COS]:
-            h, gx, gy, hxx, hxy, hyy = surface(grid, meta, w[HX] + x, w[HY] + y)
-            dxx, dxy, dyy = (
-                derivatives[XXX] * rx + derivatives[XXY] * ry,
-                derivatives[XXY] * rx + derivatives[XYY] * ry,
-                derivatives[XYY] * rx + derivatives[YYY] * ry,
-            )
-            h_vv, d_vv = hxx * xx + hxy * xy + hyy * yy, dxx * xx + dxy * abs(xy) + dyy * yy
-            h_uv, d_uv = (
-                hxx * ex * vx + hxy * (ex * vy + ey * vx) + hyy * ey * vy,
-                dxx * abs(ex * vx) + dxy * abs(ex * vy + ey * vx) + dyy * abs(ey * vy),
-            )
-            h_uu, d_uu = (
-                hxx * ex * ex + 2.0 * hxy * ex * ey + hyy * ey * ey,
-                dxx * ex * ex + 2.0 * dxy * abs(ex * ey) + dyy * ey * ey,
-            )
-            h_u, h_v = gx * ex + gy * ey, gx * vx + gy * vy
-            level_v = abs(w[TAN] - h_v) <= (abs(h_vv) + d_vv) * rv + (abs(h_uv) + d_uv) * ru
-            if h_vv - d_vv < -MIN_CONCAVITY and level_v:
-                rise = (abs(h_uu) + d_uu) * ru + (abs(h_uv) + d_uv) * rv
-                if side > 0.0:
-                    falls = _bowl_slope(w, u - ru) - h_u - rise <= 0.0 <= _bowl_slope(w, u + ru) - h_u + rise
-                    ut = min(max(u, -0.98 * r), 0.98 * r)  # a tangent of T at ut lies nowhere above it
-                    lu = _bowl_slope(w, ut)
-                    low = lu * (u - ut) - math.sqrt(r * r - ut * ut) / w[COS]
-                    t_uu = r * r / (q_far * q_far * q_far * w[COS])
-                else:
-                    falls = -_bowl_slope(w, u + ru) - h_u - rise <= 0.0 <= -_bowl_slope(w, u - ru) - h_u + rise
-                    lu = 0.0
-                    low = q_near / w[COS]
-                    t_uu = -r * r / (q_near * q_near * q_near * w[COS]) if q_near > 0.0 else -math.inf
-                plane = w[HZ] + v * w[TAN] + low
-                slope_x, slope_y = lu * ex + w[TAN] * vx - gx, lu * ey + w[TAN] * vy - gy
-                bent = 0.5 * max(hxx + dxx, 0.0) * rx * rx + (abs(hxy) + dxy) * rx * ry + 0.5 * max(hyy + dyy, 0.0) * ry * ry
-                low += w[HZ] + v * w[TAN] - h - abs(slope_x) * rx - abs(slope_y) * ry - bent
-                if falls and low < max(lowest[GAP] - GAP_TIE, keep):
-                    f_uu, f_vv, f_uv = t_uu - h_uu - d_uu, -h_vv - d_vv, abs(h_uv) + d_uv
-                    verdict, kept = CONVEX, -1
-                    if not (f_uu > 0.0 and f_vv > 0.0 and f_uu * f_vv > f_uv * f_uv):
-                        sought = max(lowest[GAP] - GAP_TIE, keep)
-                        verdict = _by_patch(grid, meta, w, side, col, row, x, y, rx, ry, plane, lu, t_uu, sought)
-                    if verdict == CONVEX:
-                        kept = _convex_part(grid, meta, w, side, x, y, rx, ry, lowest, keep, contacts, count)
-                    if kept >= 0:
-                        count = kept
-                    elif verdict != CLOSED and level < FINEST:
-                        split = True
-                    elif verdict != CLOSED and abs(u) < r:
-                        count = _keep_lower_inside(w, side, u, v, h, lowest, keep, contacts, count)
+        split = False
+        if abs(u) - ru < r and low_s < reach and high_s > -reach:
+            verdict = _decide(grid, meta, w, side, col, row, x, y, rx, ry, max(lowest[GAP] - GAP_TIE, keep))
+            kept = -1
+            if verdict == CONVEX:
+                kept = _convex_part(grid, meta, w, side, x, y, rx, ry, lowest, keep, contacts, count)
+            if kept >= 0:
+                count = kept
+            elif verdict != CLOSED and level < FINEST:
+                split = True
+            elif verdict != CLOSED and abs(u) < r:
+                h = surface(grid, meta, w[HX] + x, w[HY] + y)[0]
+                count = _keep_lower_inside(w, side, u, v, h, lowest, keep, contacts, count)
         if split:
             level, i, j = level + 1, 2 * i, 2 * j
             rx, ry = 0.5 * rx, 0.5 * ry
@@ -149,15 +99,59 @@ def search_inside(
 
 
 @njit
-def _by_patch(
+def bound_part(
     grid: Array, meta: Array, w: Array, side: float, col: int, row: int, x: float, y: float, rx: float, ry: float,
-    plane: float, slope: float, least_uu: float, limit: float,
-) -> int:  # fmt: skip
-    """Decide a part by the Bézier ordinates of the height of a plane above it.
+) -> tuple[float, float, float]:  # fmt: skip
+    """Bound the gap of half a tread over a part of a cell, by Bézier ordinates.
 
-    The plane is nowhere above T. The terrain's derivatives are bounded in the grid's directions: beside a wall along the grid
-    one of the second derivatives is large and uncertain, and the others are 0. In the wheel's directions all three are large
-    and uncertain.
+    The lower half T is bounded by a paraboloid that touches it over the middle of the part, with the least curvature of T there.
+    The upper half is bounded by its height at the ends of the part.
+
+    Args:
+        grid, meta: cubic terrain.
+        w: (WHEEL_SIZE,) wheel; PATCH is filled with the ordinates of the height of a plane above the terrain.
+        side: 1 for the tread's lower half, -1 for its upper half.
+        col, row: the cell.
+        x, y, rx, ry: middle and half sizes of the part, m from the hub.
+
+    Returns:
+        The bound, m, NaN over missing data; the plane's slope along u (that along v is tan τ); and a lower bound of T_uu, 1/m.
+    """
+    patch, r, ex, ey = w[PATCH : PATCH + BOUNDS_SIZE], w[RADIUS], w[EX], w[EY]
+    dx, dy = meta[META_DX], meta[META_DY]
+    u, v, ru = x * ex + y * ey, x * w[VX] + y * w[VY], rx * abs(ex) + ry * abs(ey)
+    bowl = 0.0
+    if side > 0.0:
+        ut = min(max(u, -0.98 * r), 0.98 * r)  # the tangent at ut is nowhere above T
+        nearest = max(abs(u) - ru, 0.0)
+        q, q_far = math.sqrt(r * r - ut * ut), math.sqrt(max(r * r - nearest * nearest, 0.0004 * r * r))
+        slope, least_uu = ut / (q * w[COS]), r * r / (q_far * q_far * q_far * w[COS])
+        plane = slope * (u - ut) - q / w[COS]
+        if u == ut:
+            bowl = 0.5 * least_uu
+    else:
+        q = math.sqrt(max(r * r - (abs(u) + ru) ** 2, 0.0))
+        slope, plane = 0.0, q / w[COS]
+        least_uu = -r * r / (q * q * q * w[COS]) if q > 0.0 else -math.inf
+    wide, tall = 2.0 * rx, 2.0 * ry
+    u0, v0 = (w[HX] + x - rx) / dx - col, (w[HY] + y - ry) / dy - row
+    gx, gy = slope * ex + w[TAN] * w[VX], slope * ey + w[TAN] * w[VY]
+    corner = w[HZ] + v * w[TAN] + plane - gx * rx - gy * ry
+    low = bound_patch(grid, col, row, u0, u0 + wide / dx, v0, v0 + tall / dy, wide, tall, corner, gx, gy, patch)
+    if bowl > 0.0:
+        a, b = ex * rx, ey * ry
+        low = lowest_over_bowl(patch, bowl * a * a, 2.0 * bowl * a * b, bowl * b * b) + 0.0 * low
+    return low, slope, least_uu
+
+
+@njit
+def _decide(
+    grid: Array, meta: Array, w: Array, side: float, col: int, row: int, x: float, y: float, rx: float, ry: float, limit: float
+) -> int:
+    """Decide a part of a cell by the Bézier ordinates of the height of a plane above it.
+
+    The terrain's derivatives are bounded in the grid's directions and in the wheel's. Beside a wall along the grid only the first
+    are tight; on a valley along the wheel's axle, only the second.
 
     Args:
         grid, meta: cubic terrain.
@@ -165,38 +159,78 @@ def _by_patch(
         side: 1 for the tread's lower half, -1 for its upper half.
         col, row: the cell.
         x, y, rx, ry: middle and half sizes of the part, m from the hub.
-        plane: m, height of the plane over the middle.
-        slope: its slope along u; that along v is tan τ.
-        least_uu: 1/m, lower bound of T_uu over the part.
         limit: m, minima of this gap or more are not sought.
 
     Returns:
-        CLOSED: there is no minimum below `limit`. CONVEX: T - h is convex. UNDECIDED: neither is shown.
+        CLOSED: there is no minimum below `limit`. CONVEX: T - h is convex within `GAP_TIE` (`_convex_part`). UNDECIDED: neither
+        is shown.
     """
-    patch, ex, ey = w[PATCH : PATCH + BOUNDS_SIZE], w[EX], w[EY]
-    dx, dy = meta[META_DX], meta[META_DY]
-    wide, tall = 2.0 * rx, 2.0 * ry
-    u0, v0 = (w[HX] + x - rx) / dx - col, (w[HY] + y - ry) / dy - row
-    gx, gy = slope * ex + w[TAN] * w[VX], slope * ey + w[TAN] * w[VY]
-    corner = plane - gx * rx - gy * ry
-    if bound_patch(grid, col, row, u0, u0 + wide / dx, v0, v0 + tall / dy, wide, tall, corner, gx, gy, patch) >= limit:
+    low, slope, least_uu = bound_part(grid, meta, w, side, col, row, x, y, rx, ry)
+    if low >= limit:
         return CLOSED
+    patch, ex, ey, vx, vy = w[PATCH : PATCH + BOUNDS_SIZE], w[EX], w[EY], w[VX], w[VY]
     bound_differences(patch)
     u, ru = x * ex + y * ey, rx * abs(ex) + ry * abs(ey)
     # T's slope along u less the plane's, at the ends of the part
     near, far = side * _bowl_slope(w, u - side * ru) - slope, side * _bowl_slope(w, u + side * ru) - slope
+    wide, tall = 2.0 * rx, 2.0 * ry
     share_x, share_y = wide / 3.0, tall / 3.0
     rises = max(patch[X_LOW] + share_x * min(near * ex, far * ex), patch[Y_LOW] + share_y * min(near * ey, far * ey))
     falls = min(patch[X_HIGH] + share_x * max(near * ex, far * ex), patch[Y_HIGH] + share_y * max(near * ey, far * ey))
     if rises > GAP_TIE or falls < -GAP_TIE:
         return CLOSED
-    f_xx, f_yy = (
-        6.0 * patch[XX_LOW] / (wide * wide) + least_uu * ex * ex,
-        6.0 * patch[YY_LOW] / (tall * tall) + least_uu * ey * ey,
-    )
-    mixed, over = least_uu * ex * ey, 9.0 / (wide * tall)
-    most_xy = max(-patch[XY_LOW] * over - mixed, patch[XY_HIGH] * over + mixed)
-    return CONVEX if f_xx > 0.0 and f_yy > 0.0 and f_xx * f_yy > most_xy * most_xy else UNDECIDED
+    v_low, v_high = _slope_range(vx / wide, vy / tall, patch)
+    u_low, u_high = _slope_range(ex / wide, ey / tall, patch)
+    if max(max(v_low, -v_high), max(u_low + near, -u_high - far)) * min(wide, tall) / 3.0 > GAP_TIE:
+        return CLOSED
+    a, b, c = 6.0 / (wide * wide), 9.0 / (wide * tall), 6.0 / (tall * tall)
+    vv_low, vv_high = _curvature_range(a * vx * vx, 2.0 * b * vx * vy, c * vy * vy, patch)
+    if vv_high < MIN_CONCAVITY:  # T is straight along v: the terrain must be concave
+        return CLOSED
+    uu_low, uu_high = _curvature_range(a * ex * ex, 2.0 * b * ex * ey, c * ey * ey, patch)
+    if side < 0.0:  # T is concave along u: the terrain must be more so
+        nearest = max(abs(u) - ru, 0.0)
+        q = math.sqrt(max(w[RADIUS] * w[RADIUS] - nearest * nearest, 0.0))
+        if uu_high * q * q * q * w[COS] < w[RADIUS] * w[RADIUS]:
+            return CLOSED
+    even_x, even_y, mixed = GAP_TIE / (wide * wide), GAP_TIE / (tall * tall), least_uu * ex * ey
+    f_xx, f_yy = a * patch[XX_LOW] + least_uu * ex * ex + even_x, c * patch[YY_LOW] + least_uu * ey * ey + even_y
+    most_xy = max(-b * patch[XY_LOW] - mixed, b * patch[XY_HIGH] + mixed)
+    if f_xx > 0.0 and f_yy > 0.0 and f_xx * f_yy > most_xy * most_xy:
+        return CONVEX
+    uv_low, uv_high = _curvature_range(a * ex * vx, b * (ex * vy + ey * vx), c * ey * vy, patch)
+    even, most_uv = min(even_x, even_y), max(-uv_low, uv_high)
+    f_uu, f_vv = uu_low + least_uu + even, vv_low + even
+    return CONVEX if f_uu > 0.0 and f_vv > 0.0 and f_uu * f_vv > most_uv * most_uv else UNDECIDED
+
+
+@inlined
+def _slope_range(a: float, b: float, patch: Array) -> tuple[float, float]:
+    """Return the range of 3 (a f_x + b f_y) over a patch.
+
+    f_x and f_y are its first differences.
+
+    Args:
+        a, b: 1/m.
+        patch: (BOUNDS_SIZE,) ordinates and differences, m.
+    """
+    x0, x1, y0, y1 = 3.0 * a * patch[X_LOW], 3.0 * a * patch[X_HIGH], 3.0 * b * patch[Y_LOW], 3.0 * b * patch[Y_HIGH]
+    return min(x0, x1) + min(y0, y1), max(x0, x1) + max(y0, y1)
+
+
+@inlined
+def _curvature_range(a: float, b: float, c: float, patch: Array) -> tuple[float, float]:
+    """Return the range of a f_xx + b f_xy + c f_yy over a patch.
+
+    f_xx, f_xy and f_yy are its second differences.
+
+    Args:
+        a, b, c: 1/m².
+        patch: (BOUNDS_SIZE,) ordinates and differences, m.
+    """
+    xx0, xx1, xy0, xy1 = a * patch[XX_LOW], a * patch[XX_HIGH], b * patch[XY_LOW], b * patch[XY_HIGH]
+    yy0, yy1 = c * patch[YY_LOW], c * patch[YY_HIGH]
+    return min(xx0, xx1) + min(xy0, xy1) + min(yy0, yy1), max(xx0, xx1) + max(xy0, xy1) + max(yy0, yy1)
 
 
 @inlined
@@ -210,7 +244,7 @@ def _bowl_slope(w: Array, u: float) -> float:
     Returns:
         Slope; the upper half's is its negative.
     """
-    room = w[RADIUS] * w[RADIUS] - u * u
+    room = (w[RADIUS] - u) * (w[RADIUS] + u)
     return u / (math.sqrt(room) * w[COS]) if room > 0.0 else math.copysign(math.inf, u)
 
 
@@ -219,7 +253,10 @@ def _convex_part(
     grid: Array, meta: Array, w: Array, side: float, xm: float, ym: float, rx: float, ry: float,
     lowest: Array, keep: float, contacts: Array, count: int,
 ) -> int:  # fmt: skip
-    """Find the minimum of T - h over a part where it is convex.
+    """Find the minimum of f = T - h over a part where it is convex.
+
+    With the part as the unit square, f + `GAP_TIE` (u² + v²) / 2 is convex. A point where f is stationary is then its minimum
+    within `GAP_TIE`: terrain that is level along a line is one part, not a row of ever smaller ones.
 
     Newton's method with the part's sides as bounds: a coordinate is held at its side while the function falls outwards there. A
     minimum held at a side is not listed: it belongs to the part beyond, or to an edge of the search. It can still be
@@ -230,41 +267,76 @@ def _convex_part(
         w: (WHEEL_SIZE,) wheel.
         side: 1 for the tread's lower half, -1 for its upper half.
         xm, ym, rx, ry: middle and half sizes of the part, m from the hub.
-        lowest, keep, contacts, count: as `wheel.keep_lower_contact` takes them.
+        lowest, keep, contacts, count: as `keep_lower_contact` takes them.
 
     Returns:
         count, or -1 if Newton did not converge: the part is to be quartered.
     """
-    r = w[RADIUS]
-    x, y = xm, ym
-    rim = 0.999999 * r
+    r, ex, ey = w[RADIUS], w[EX], w[EY]
+    even_x, even_y = 0.25 * GAP_TIE / (rx * rx), 0.25 * GAP_TIE / (ry * ry)
+    rim = r * (1.0 - TREAD_END)
+    um, ru = xm * ex + ym * ey, rx * abs(ex) + ry * abs(ey)
+    low_u, high_u = max(um - ru, -rim), min(um + ru, rim)
+    a = b = 0.0  # from the middle of the part
+    if abs(um) > rim:  # the middle lies beyond the tread: begin at its end, towards the corner that is farthest inside
+        share = math.copysign(min((abs(um) - rim) / ru, 1.0), um)
+        a, b = -math.copysign(rx, ex) * share, -math.copysign(ry, ey) * share
     for _ in range(30):
-        u, v = x * w[EX] + y * w[EY], x * w[VX] + y * w[VY]
-        if abs(u) > rim:  # the middle of the part lies beyond the tread: begin on it
-            u = math.copysign(rim, u)
-            x, y = u * w[EX] + v * w[VX], u * w[EY] + v * w[VY]
+        x, y = xm + a, ym + b
+        u, v = min(max(x * ex + y * ey, -rim), rim), x * w[VX] + y * w[VY]
         h, gx, gy, hxx, hxy, hyy = surface(grid, meta, w[HX] + x, w[HY] + y)
-        q = math.sqrt(r * r - u * u)
+        q = math.sqrt((r - u) * (r + u))
         t_u, t_uu = side * u / (q * w[COS]), side * r * r / (q * q * q * w[COS])
-        fx, fy = t_u * w[EX] + w[TAN] * w[VX] - gx, t_u * w[EY] + w[TAN] * w[VY] - gy
-        fxx, fxy, fyy = t_uu * w[EX] * w[EX] - hxx, t_uu * w[EX] * w[EY] - hxy, t_uu * w[EY] * w[EY] - hyy
+        if side > 0.0:
+            t_uu = _secant_curvature(w, u, t_u, t_uu, gx * ex + gy * ey, low_u, high_u)
+        fx, fy = t_u * ex + w[TAN] * w[VX] - gx, t_u * ey + w[TAN] * w[VY] - gy
+        fxx, fyy, fxy = t_uu * ex * ex - hxx + even_x, t_uu * ey * ey - hyy + even_y, t_uu * ex * ey - hxy
         # the tangent plane at (x, y) is a lower bound on the part
-        low = w[HZ] + v * w[TAN] - side * q / w[COS] - h + fx * (xm - x) + fy * (ym - y) - abs(fx) * rx - abs(fy) * ry
+        low = w[HZ] + v * w[TAN] - side * q / w[COS] - h - fx * a - fy * b - abs(fx) * rx - abs(fy) * ry
         if low >= max(lowest[GAP] - GAP_TIE, keep):
             return count
-        step_x, step_y, held = bounded_step(x - xm, y - ym, rx, ry, fx, fy, fxx, fxy, fyy)
+        new_a, new_b, decrease, held = bounded_step(a, b, rx, ry, fx, fy, fxx, fxy, fyy)
         if held < 0:
             return -1
-        if abs(fx * step_x + fy * step_y) < MIN_DECREASE:
+        if decrease < MIN_DECREASE and held == 0 and abs(new_a) < rx and abs(new_b) < ry:  # the last step leaves its square
+            u, v = (xm + new_a) * ex + (ym + new_b) * ey, (xm + new_a) * w[VX] + (ym + new_b) * w[VY]
+            if abs(u) <= rim:
+                h = surface(grid, meta, w[HX] + xm + new_a, w[HY] + ym + new_b)[0]
+                return _keep_lower_inside(w, side, u, v, h, lowest, keep, contacts, count)
+        if decrease < MIN_DECREASE:
             # held at a side by a slope that may be rounding: no minimum to list, but a point of the tread all the same
             return _keep_lower_inside(w, side, u, v, h, lowest, keep if held == 0 else -math.inf, contacts, count)
-        new_x, new_y = min(max(x + step_x, xm - rx), xm + rx), min(max(y + step_y, ym - ry), ym + ry)
-        new_u = new_x * w[EX] + new_y * w[EY]
-        if abs(new_u) > rim:  # towards the tread's end no more than half of what is left
-            share = (0.5 * (math.copysign(r, new_u) + u) - u) / (new_u - u)
-            new_x, new_y = x + share * (new_x - x), y + share * (new_y - y)
-        x, y = new_x, new_y
+        new_u = (xm + new_a) * ex + (ym + new_b) * ey
+        if abs(new_u) > rim:  # beyond the tread's end: go where T is 10 times as steep
+            end = math.copysign(max(math.sqrt(r * r - 0.01 * q * q), abs(u)), new_u)
+            share = (min(max(end, -rim), rim) - u) / (new_u - u)
+            new_a, new_b = a + share * (new_a - a), b + share * (new_b - b)
+        a, b = new_a, new_b
     return -1
+
+
+@inlined
+def _secant_curvature(w: Array, u: float, t_u: float, t_uu: float, slope: float, low: float, high: float) -> float:
+    """Return the curvature of T along u with which Newton's step is exact over a plane.
+
+    T_u is infinite at the tread's ends, and steps with T_uu would not converge there. The secant of T_u between u and the point
+    where T is as steep as the terrain leads to that point. It tends to T_uu at the minimum.
+
+    Args:
+        w: (WHEEL_SIZE,) wheel.
+        u: m from the hub along e1.
+        t_u, t_uu: T_u and T_uu of the tread's lower half, 1/m.
+        slope: the terrain's slope along u.
+        low, high: m, range of u. The secant's other end is limited to it, so that the secant is at least the least T_uu there.
+
+    Returns:
+        Curvature, 1/m.
+    """
+    tan = slope * w[COS]
+    other = min(max(w[RADIUS] * tan / math.sqrt(1.0 + tan * tan), low), high)
+    if abs(other - u) <= 1e-6 * (w[RADIUS] - abs(u)):
+        return t_uu
+    return (_bowl_slope(w, other) - t_u) / (other - u)
 
 
 @inlined

@@ -62,7 +62,7 @@ def _bound_row(
     """Fill BOUND with lower bounds of the gap over cells of a row, within the wheel's reach.
 
     Each is the greater of two: by the tangent plane of T over the middle, and by that at the best contact so far
-    (`tangent_plane`), which is tight on smooth terrain.
+    (`tangent_plane`) plus what T rises above it, which is tight on smooth terrain.
 
     Args:
         upper_bound: (rows, cols) node heights of a bilinear surface above the terrain, m.
@@ -79,6 +79,9 @@ def _bound_row(
     square = r * r
     margin = CELL_MARGIN * (dx + dy)
     reach_u, reach_v = r + margin, w[HALF] * w[COS] + r * abs(w[AZ]) + margin
+    touch = w[PLANE + 3]
+    touch_q = math.sqrt(square - touch * touch)
+    touch_slope = touch / touch_q * over
     low_y = j * dy - w[HY]
     y0, y1 = max(low_y, -far_y), min(low_y + dy, far_y)
     v0, v1 = (y0 - low_y) * over_y, (y1 - low_y) * over_y
@@ -101,8 +104,11 @@ def _bound_row(
         first = hub_z - q * over + slope * (u - ut) + tan * v - max(max(a + gx + gy, b - gx + gy), max(d + gx - gy, e - gx - gy))
         bx = plane_x * half_x
         second = level + plane_x * x + plane_y * y - max(max(a + bx + by, b - bx + by), max(d + bx - by, e - bx - by))
+        reach_here = half_x * abs(ex) + half_y * abs(ey)
+        ut = min(max(min(max(touch, u - reach_here), u + reach_here), -r), r)  # T is lowest above the plane here
+        second += (touch_q - math.sqrt(square - ut * ut)) * over - touch_slope * (ut - touch)
         low = max(first, second) + 0.0 * (a + b + d + e)
-        beside = abs(u) > reach_u + half_x * abs(ex) + half_y * abs(ey) or abs(v) > reach_v + half_x * abs(vx) + half_y * abs(vy)
+        beside = abs(u) > reach_u + reach_here or abs(v) > reach_v + half_x * abs(vx) + half_y * abs(vy)
         bound[k] = math.inf if beside else low
 
 
@@ -110,7 +116,7 @@ def _bound_row(
 def tangent_plane(w: Array, sine: float) -> None:
     """Fill PLANE with the tangent plane of T at u = r sin φ.
 
-    It is p0 + p1 X + p2 Y, X and Y from the hub. T is nowhere below it.
+    It is p0 + p1 X + p2 Y, X and Y from the hub. T is nowhere below it. PLANE + 3 holds u.
 
     Args:
         w: (WHEEL_SIZE,) wheel.
@@ -120,6 +126,7 @@ def tangent_plane(w: Array, sine: float) -> None:
     u = min(max(r * sine, -0.999 * r), 0.999 * r)
     q = math.sqrt(r * r - u * u)
     slope = u / (q * w[COS])
+    w[PLANE + 3] = u
     w[PLANE] = w[HZ] - q / w[COS] - slope * u
     w[PLANE + 1], w[PLANE + 2] = slope * w[EX] + w[TAN] * w[VX], slope * w[EY] + w[TAN] * w[VY]
 

@@ -8,17 +8,19 @@ that m is nowhere lower. If they do not, the whole tread is searched.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import inlined, njit
-from ..model.ground import META_DX, META_DY, META_NX, META_NY, Ground, surface
+from ..jit.decorators import inlined, njit, specialize_on_ground
+from ..model.ground import META_DX, META_DY, META_NX, META_NY, CubicGround, Ground, surface
 from ..model.tolerances import VERIFIED_DEPTH
 from ..model.wheel import (
     AX,
     AY,
     AZ,
+    COSINE,
     DERIVATIVES,
     DERIVATIVES_OF_TREAD,
     EX,
@@ -28,7 +30,9 @@ from ..model.wheel import (
     HX,
     HY,
     HZ,
+    PLACE,
     RADIUS,
+    SIN,
     UX,
     UY,
     UZ,
@@ -62,7 +66,7 @@ def is_least(ground: Ground, w: Array, sine: float, cosine: float, s: float, low
         missing data.
     """
     grid, _, meta = ground
-    if _by_bounds(grid, meta, w, sine, cosine, s):
+    if _by_bounds(grid, meta, w, sine, cosine, s, -VERIFIED_DEPTH):
         return LEAST
     code, _ = least_gap(ground, w, sine, cosine, s, True, -math.inf, lowest, none)
     if code != FOUND:
@@ -71,24 +75,141 @@ def is_least(ground: Ground, w: Array, sine: float, cosine: float, s: float, low
 
 
 @njit
-def _by_bounds(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s: float) -> bool:
-    """Check `is_least` by bounds on the terrain's derivatives under the wheel.
+def least_gap_by_bounds(
+    ground: Ground, w: Array, sine: float, cosine: float, keep: float, lowest: Array, contacts: Array
+) -> tuple[int, int]:
+    """Find the smallest gap of a whole tread.
+
+    On smooth cubic terrain, bounds may take the place of a search.
+
+    Args:
+        ground: terrain.
+        w: (WHEEL_SIZE,) wheel.
+        sine, cosine: sin φ, cos φ to start from.
+        keep: m, list local minima of gap <= keep; -inf for none.
+        lowest: (CONTACT_SIZE,) filled with the lowest point, within `VERIFIED_DEPTH`.
+        contacts: (n, CONTACT_SIZE) filled with the local minima listed; 0 are listed if `lowest` is shown to be the only one.
+
+    Returns:
+        FOUND, OFF or BLANK, and the number of minima listed, as `tread.least_gap`.
+    """
+    # not inlined into its callers: in one, code compiled by numba 0.68 then wrote to another array than the source says
+    if _shown_on_rims(ground, w, sine, cosine, keep, lowest):
+        return FOUND, 0
+    return least_gap(ground, w, sine, cosine, 0.0, True, keep, lowest, contacts)
+
+
+def _shown_on_rims(ground: Ground, w: Array, sine: float, cosine: float, keep: float, lowest: Array) -> bool:
+    """Find the lowest point of a tread by its rims, where bounds show it (`_least_of_rims`).
+
+    Args:
+        ground, w, sine, cosine, keep, lowest: as `_least_of_rims` takes them.
+
+    Returns:
+        False if it is not shown, as always on bilinear terrain.
+    """
+    return _shown_of(type(ground))(ground, w, sine, cosine, keep, lowest)
+
+
+def _never(ground: Ground, w: Array, sine: float, cosine: float, keep: float, lowest: Array) -> bool:
+    """Return False: bilinear terrain is not smooth.
+
+    Args:
+        ground, w, sine, cosine, keep, lowest: as `_least_of_rims` takes them.
+    """
+    return False
+
+
+def _try_rims(ground: Ground, w: Array, sine: float, cosine: float, keep: float, lowest: Array) -> bool:
+    """Call `_least_of_rims`.
+
+    Args:
+        ground, w, sine, cosine, keep, lowest: as `_least_of_rims` takes them.
+    """
+    return _least_of_rims(ground, w, sine, cosine, keep, lowest)
+
+
+@specialize_on_ground(_shown_on_rims)
+def _shown_of(kind: type) -> Any:
+    """Return `_shown_on_rims` for one kind of terrain.
+
+    Args:
+        kind: CubicGround or LinearGround.
+    """
+    return _try_rims if kind is CubicGround else _never
+
+
+@njit
+def _least_of_rims(ground: Ground, w: Array, sine: float, cosine: float, keep: float, lowest: Array) -> bool:
+    """Find the lower minimum on a tread's two rims, if it is shown to be the lowest point.
+
+    Args:
+        ground: cubic terrain.
+        w: (WHEEL_SIZE,) wheel.
+        sine, cosine: sin φ, cos φ to start from.
+        keep: m; no other local minimum may have a gap up to this. -inf: any may.
+        lowest: (CONTACT_SIZE,) filled.
+
+    Returns:
+        False, with nothing to use in `lowest`, if it is not shown.
+    """
+    grid, _, meta = ground
+    if not 0 < _cells_under(meta, w)[4] <= CELLS:
+        return False
+    half, higher = w[HALF], math.inf
+    lowest[GAP] = math.inf
+    for k in range(2 if half > 0.0 else 1):
+        s = half - 2.0 * half * k
+        gap, _, sp, cp = _least_of_rim(grid, meta, w, sine, cosine, s)
+        if not gap < math.inf:
+            return False
+        if gap < lowest[GAP]:
+            higher = lowest[GAP]
+            lowest[GAP], lowest[SIN], lowest[COSINE], lowest[PLACE] = gap, sp, cp, s
+        else:
+            higher = gap
+    margin = max(keep - lowest[GAP], -VERIFIED_DEPTH)
+    if higher < lowest[GAP] + margin:
+        return False
+    return _by_bounds(grid, meta, w, lowest[SIN], lowest[COSINE], lowest[PLACE], margin)
+
+
+@inlined
+def _cells_under(meta: Array, w: Array) -> tuple[int, int, int, int, int]:
+    """Return the first and last columns and rows of the cells under a wheel, and their number.
+
+    The number is 0 if a cell is off the map.
+
+    Args:
+        meta: (META_SIZE,) map header.
+        w: (WHEEL_SIZE,) wheel.
+    """
+    r, half, dx, dy = w[RADIUS], w[HALF], meta[META_DX], meta[META_DY]
+    out_x = half * abs(w[AX]) + r * math.sqrt(w[EX] * w[EX] + w[UX] * w[UX])
+    out_y = half * abs(w[AY]) + r * math.sqrt(w[EY] * w[EY] + w[UY] * w[UY])
+    i0, i1 = int(math.floor((w[HX] - out_x) / dx)), int(math.floor((w[HX] + out_x) / dx))
+    j0, j1 = int(math.floor((w[HY] - out_y) / dy)), int(math.floor((w[HY] + out_y) / dy))
+    outside = i0 < 0 or j0 < 0 or i1 > meta[META_NX] - 2.0 or j1 > meta[META_NY] - 2.0
+    return i0, i1, j0, j1, 0 if outside else (i1 - i0 + 1) * (j1 - j0 + 1)
+
+
+@njit
+def _by_bounds(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s: float, margin: float) -> bool:
+    """Check by bounds on derivatives that a contact is the lowest point of the tread.
 
     Args:
         grid, meta: cubic terrain.
         w: (WHEEL_SIZE,) wheel.
         sine, cosine, s: the contact.
+        margin: m. -VERIFIED_DEPTH: no point is lower by more than that. Otherwise the contact lies on a rim, and every other
+            local minimum is higher by this, 0 or more.
 
     Returns:
         True if the bounds show it; False decides nothing.
     """
-    r, half = w[RADIUS], w[HALF]
-    dx, dy = meta[META_DX], meta[META_DY]
-    out_x = half * abs(w[AX]) + r * math.sqrt(w[EX] * w[EX] + w[UX] * w[UX])
-    out_y = half * abs(w[AY]) + r * math.sqrt(w[EY] * w[EY] + w[UY] * w[UY])
-    i0, i1 = int(math.floor((w[HX] - out_x) / dx)), int(math.floor((w[HX] + out_x) / dx))
-    j0, j1 = int(math.floor((w[HY] - out_y) / dy)), int(math.floor((w[HY] + out_y) / dy))
-    if i0 < 0 or j0 < 0 or i1 > meta[META_NX] - 2.0 or j1 > meta[META_NY] - 2.0 or (i1 - i0 + 1) * (j1 - j0 + 1) > CELLS:
+    r, half, dx, dy = w[RADIUS], w[HALF], meta[META_DX], meta[META_DY]
+    i0, i1, j0, j1, cells = _cells_under(meta, w)
+    if not 0 < cells <= CELLS:
         return False
     derivatives, least = (
         w[DERIVATIVES : DERIVATIVES + DERIVATIVES_SIZE],
@@ -108,6 +229,8 @@ def _by_bounds(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s
                 )
             for k in range(XXX, DERIVATIVES_SIZE):
                 least[k] = max(least[k], derivatives[k])
+            if max(max(-least[XX], least[XX + 1]), max(-least[YY], least[YY + 1])) * r > 1.0:
+                return False  # the terrain is as sharp as the rim: `room` below would be negative
     curvature = max(max(-least[XX], least[XX + 1]), max(-least[YY], least[YY + 1])) + max(-least[XY], least[XY + 1])
     x, y, _ = tread_point(w, sine, cosine, s)
     _, gx, gy, hxx, hxy, hyy = surface(grid, meta, w[HX] + x, w[HY] + y)
@@ -142,21 +265,31 @@ def _by_bounds(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s
             if left > 0.0:
                 place = s + way * reach
                 there, along, sp, cp = _least_of_rim(grid, meta, w, sine, cosine, place)
-                if not _is_clear(grid, meta, w, sp, cp, place, way, left, there, way * along, gap, fall, rise):
+                if not _is_clear(grid, meta, w, sp, cp, place, way, left, there, way * along, gap - VERIFIED_DEPTH, fall, rise):
                     return False
         return True
     way = -1.0 if s > 0.0 else 1.0
     if fall < 0.0:  # m is convex over the whole width
         off = max(-way * along, 0.0)
         return off * off <= -2.0 * fall * VERIFIED_DEPTH
-    gap = gap_at(grid, meta, w, sine, cosine, s)
-    return _is_clear(grid, meta, w, sine, cosine, s, way, 2.0 * half, gap, way * along, gap, fall, rise)
+    gap, left, slope = gap_at(grid, meta, w, sine, cosine, s), 2.0 * half, way * along
+    here = gap
+    if margin >= 0.0:  # m increases as far as this
+        rises = min(0.9 * slope / fall if fall > 0.0 else math.inf, left)
+        if not rises > 0.0:
+            return False
+        s, left = s + way * rises, left - rises
+        here, slope, sine, cosine = _least_of_rim(grid, meta, w, sine, cosine, s)
+        slope *= way
+        if left <= 0.0:
+            return here >= gap
+    return _is_clear(grid, meta, w, sine, cosine, s, way, left, here, slope, gap + margin, fall, rise)
 
 
 @njit
 def _is_clear(
     grid: Array, meta: Array, w: Array, sine: float, cosine: float, s: float, way: float, left: float,
-    here: float, slope: float, gap: float, fall: float, rise: float,
+    here: float, slope: float, low: float, fall: float, rise: float,
 ) -> bool:  # fmt: skip
     """Check that the minima m of the rims are nowhere below a gap over a range of s.
 
@@ -171,13 +304,13 @@ def _is_clear(
         left: m, length of the range.
         here: m, the rim's minimum at s.
         slope: its derivative along `way`.
-        gap: m, the contact's gap.
+        low: m, the gap.
         fall, rise: 1/m, bounds: -fall <= m'' <= rise.
 
     Returns:
-        True if it holds within `VERIFIED_DEPTH`; False decides nothing.
+        True if it holds; False decides nothing.
     """
-    low, fall = gap - VERIFIED_DEPTH, max(fall, 0.0)
+    fall = max(fall, 0.0)
     if not here >= low:
         return False
     piece = left
@@ -222,10 +355,10 @@ def _least_of_rim(grid: Array, meta: Array, w: Array, sine: float, cosine: float
         bx, by = hxx * tx + hxy * ty, hxy * tx + hyy * ty
         slope = tz - gx * tx - gy * ty
         step = -slope / (nz - gx * nx - gy * ny - bx * tx - by * ty)
-        if abs(step) < 1e-4:  # what is left of it changes neither by more than its square
-            along = w[AZ] - (gx + step * bx) * w[AX] - (gy + step * by) * w[AY]
-            return w[HZ] + s * w[AZ] - nz - h + 0.5 * slope * step, along, sine, cosine
         step = min(max(step, -0.5), 0.5)
         size = math.sqrt(1.0 + step * step)
         sine, cosine = (sine + cosine * step) / size, (cosine - sine * step) / size
+        if abs(step) < 1e-4:  # what is left of it changes neither by more than its square
+            along = w[AZ] - (gx + step * bx) * w[AX] - (gy + step * by) * w[AY]
+            return w[HZ] + s * w[AZ] - nz - h + 0.5 * slope * step, along, sine, cosine
     return math.nan, 0.0, sine, cosine

@@ -28,8 +28,9 @@ from ..model.tolerances import CONTACT_GAP, LIMIT_MARGIN
 from ..model.wheel import AX, AY, AZ, COSINE, GAP, HX, HY, HZ, PLACE, SIN, contact_slope, tread_point
 from ..search.body_box import box_over_ground
 from ..search.box_points import NEAR_ROOM, NEAR_SIZE, least_clearance
-from ..search.tread import FOUND, least_gap
-from .contact_set import list_wheel, lowest_contacts
+from ..search.tread import FOUND
+from ..search.verify_minimum import least_gap_by_bounds
+from .contact_set import list_wheel
 from .newton import solve_linkage
 from .site import Contacts, Site
 
@@ -243,7 +244,7 @@ def list_six(site: Site, six: SixWheels, contacts: Contacts, slope: Array, force
     count, least = 0, math.inf
     for i in range(6):
         t = touch[i]
-        code, kept = least_gap(ground, work.wheels[i], 0.0, 1.0, 0.0, True, CONTACT_GAP, t, work.contacts)
+        code, kept = least_gap_by_bounds(ground, work.wheels[i], 0.0, 1.0, CONTACT_GAP, t, work.contacts)
         if code != FOUND or not abs(t[GAP]) < CONTACT_GAP:
             return 0
         least = min(least, t[GAP])
@@ -298,9 +299,15 @@ def describe_pose(site: Site, q: Array, wheels: Array, rows: Array) -> float:
         The force divided by the weight; 0 if a wheel or the body is not surely above known terrain.
     """
     ground, rover, x, y, cy, sy, work = site
-    slope, share = np.empty(6), np.empty(6)
-    code, least = lowest_contacts(site, q, True)
-    if code != FOUND or not box_is_clear(ground, rover, work.axes, x, y, q[Z] - least):
+    slope, share, least = np.empty(6), np.empty(6), math.inf
+    if not forward_kinematics(rover, work.hub_offsets, x, y, cy, sy, q, work.axes, work.pivots, work.wheels):
+        return 0.0
+    for i in range(6):
+        t = work.touch[i]
+        if least_gap_by_bounds(ground, work.wheels[i], t[SIN], t[COSINE], -math.inf, t, work.none)[0] != FOUND:
+            return 0.0
+        least = min(least, t[GAP])
+    if not box_is_clear(ground, rover, work.axes, x, y, q[Z] - least):
         return 0.0
     describe_wheels(site, q, wheels, rows)
     centre_of_mass(rover, work.hub_offsets, q, cy, sy, work.axes, work.pivots, slope)
