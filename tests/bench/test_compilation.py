@@ -12,7 +12,7 @@ import numba
 import pytest
 
 import rockerbogie as rb
-from rockerbogie._kernels import batch, coverage
+from rockerbogie._kernels.batch import contact_mode, contacts, coverage, equilibrium_mode
 from rockerbogie._kernels.dynamics import rollout
 from rockerbogie._kernels.model import ground, jacobians
 from rockerbogie._kernels.odometry import commands, twist
@@ -26,10 +26,10 @@ from rockerbogie.figures import raster_kernels
 
 #: Kernels called from Python, and the number of their signatures: 2 where the two kinds of terrain have code of their own.
 SIGNATURES = {
-    batch.settle_cubic: 1, batch.settle_linear: 1, batch.settle_left: 2, batch.rest_batch: 2, batch.rest_left: 2,
-    batch.touch_batch: 2, batch.clearance_batch: 2, ground.surface_batch: 2, gap.verify_batch: 1,
-    batch.settle_bridged: 1, coverage.refuse_uncovered: 1, coverage.refuse_far: 1,
-    batch.rest_bridged: 2, loads.belly_batch: 2, loads.loads_batch: 1, loads.stability_batch: 1,
+    contact_mode.settle_cubic: 1, contact_mode.settle_linear: 1, contact_mode.settle_left: 2, contact_mode.settle_bridged: 1,
+    equilibrium_mode.equilibrium_batch: 2, equilibrium_mode.equilibrium_left: 2, equilibrium_mode.equilibrium_bridged: 2,
+    contacts.contacts_batch: 2, contacts.clearance_batch: 2, ground.surface_batch: 2, gap.verify_batch: 1,
+    coverage.refuse_uncovered: 1, coverage.refuse_far: 1, loads.belly_batch: 2, loads.loads_batch: 1, loads.stability_batch: 1,
     loads.span_batch: 2, frictionless.line_support_batch: 1, bilinear_touch.touch_linear: 1,
     rollout.predict_batch: 2,
     forces.forces_batch: 1, forces.motion_batch: 1, table.table_batch: 1, table.motion_table_batch: 1,

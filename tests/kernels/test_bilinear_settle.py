@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rockerbogie as rb
-from rockerbogie._kernels import batch
+from rockerbogie._kernels.batch import contact_mode
 from rockerbogie._kernels.model import linkage, wheel
 from rockerbogie._kernels.model.ground import META_X, META_Y, META_Z
 from rockerbogie._kernels.search.tread import FOUND, least_gap
@@ -114,12 +114,12 @@ def test_poses_have_zero_gaps_by_the_oracle_and_equal_the_scalar_engine_s(name: 
     x, y, yaw = positions(terrain, rover, 64)
     given = terrain.packed, rover.packed, x, y, yaw, np.zeros((1, 6))
     q, status = np.full((64, 6), np.nan), np.zeros(64, np.uint8)
-    batch.settle_linear(*given, q, status, np.arange(64), 0, 64)
-    done = status != batch.UNSETTLED
+    contact_mode.settle_linear(*given, q, status, np.arange(64), 0, 64)
+    done = status != contact_mode.UNSETTLED
     if not bilinear_settle.too_fine(terrain.packed.meta, rover.packed):
         assert done.mean() > (0.95 if kind == "plane" else 0.5)
     alone, codes = np.full((64, 6), np.nan), np.zeros(64, np.uint8)
-    batch.settle_left(*given, alone, codes, np.arange(64), 0, 64)
+    contact_mode.settle_left(*given, alone, codes, np.arange(64), 0, 64)
     if not done.any():
         return
     # six equations may have several solutions; nearly always both engines find the same one

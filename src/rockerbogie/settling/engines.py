@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .._kernels import batch, coverage
+from .._kernels.batch import contact_mode, coverage, equilibrium_mode
 from .._kernels.jit.parallel import parallel_for
 from .._kernels.model.ground import META_MAX_CURVATURE, META_STEEP, Ground
 from .._kernels.simd.layout import LANES
@@ -25,7 +25,7 @@ Mode = Literal["contact", "equilibrium"]
 Engine = Literal["simd", "scalar"]
 
 FINE = 0.25  # of the largest wheel radius: on finer cells equilibrium mode does not start from the six-wheel pose
-UNSETTLED = bytes([batch.UNSETTLED])
+UNSETTLED = bytes([contact_mode.UNSETTLED])
 STATUS = 7  # of the arguments that all batch kernels share
 HEADING_BINS = 64  # bins of half a turn by which poses are sorted on bilinear terrain
 
@@ -75,7 +75,7 @@ def use_engine(engine: Engine) -> Iterator[None]:
 
 def _contact_cubic(poses: Batch) -> None:
     """Solve in contact mode on cubic terrain: SIMD lanes, then the scalar engine for the rest."""
-    parallel_for(batch.settle_cubic, poses.status.size, *_inputs(poses), plain=_leave)
+    parallel_for(contact_mode.settle_cubic, poses.status.size, *_inputs(poses), plain=_leave)
     _contact_left(poses, _inputs(poses))
     _contact_bridged(poses)
 
@@ -86,7 +86,7 @@ def _contact_linear(poses: Batch) -> None:
     Missing data is bridged first, and poses with a tread over it are refused at the end. So missing data takes no more time.
     """
     inputs = _inputs(poses, poses.terrain.packed_bridged)
-    parallel_for(batch.settle_linear, poses.status.size, *inputs, _lane_order(poses), plain=_leave)
+    parallel_for(contact_mode.settle_linear, poses.status.size, *inputs, _lane_order(poses), plain=_leave)
     _refuse_far(poses, inputs)
     _contact_left(poses, inputs)
     _refuse_uncovered(poses)
@@ -95,19 +95,19 @@ def _contact_linear(poses: Batch) -> None:
 def _leave(*args: Any) -> None:
     """Leave every pose to the scalar engine: in plain Python, lanes take the time of 16."""
     status: NDArray[np.uint8] = args[STATUS]
-    status[:] = batch.UNSETTLED
+    status[:] = contact_mode.UNSETTLED
 
 
 def _contact_left(poses: Batch, inputs: tuple[object, ...]) -> None:
     """Solve the poses whose status is UNSETTLED one by one."""
     if UNSETTLED in poses.status.tobytes():  # for one pose, comparing arrays takes as long as a tenth of settling it
-        left = np.flatnonzero(poses.status == batch.UNSETTLED)
-        parallel_for(batch.settle_left, left.size, *inputs, left)
+        left = np.flatnonzero(poses.status == contact_mode.UNSETTLED)
+        parallel_for(contact_mode.settle_left, left.size, *inputs, left)
 
 
 def _contact_cubic_scalar(poses: Batch) -> None:
     """Solve every pose in contact mode on cubic terrain by itself."""
-    parallel_for(batch.settle_left, poses.status.size, *_inputs(poses), np.arange(poses.status.size))
+    parallel_for(contact_mode.settle_left, poses.status.size, *_inputs(poses), np.arange(poses.status.size))
     _contact_bridged(poses)
 
 
@@ -123,7 +123,7 @@ def _contact_linear_scalar(poses: Batch) -> None:
 def _refuse_far(poses: Batch, inputs: tuple[object, ...]) -> None:
     """Refuse the UNSETTLED poses on bilinear terrain with a wheel far inside missing data."""
     if poses.terrain.bridged is not poses.terrain.grid:
-        left = np.flatnonzero(poses.status == batch.UNSETTLED)
+        left = np.flatnonzero(poses.status == contact_mode.UNSETTLED)
         parallel_for(coverage.refuse_far, left.size, *inputs, BRIDGE * min(poses.terrain.spacing), left)
 
 
@@ -137,7 +137,7 @@ def _contact_bridged(poses: Batch) -> None:
     """Solve the refused poses again on cubic terrain, with missing data bridged."""
     left = _refused(poses)
     if left.size > 0:
-        parallel_for(batch.settle_bridged, left.size, *_inputs(poses), left)
+        parallel_for(contact_mode.settle_bridged, left.size, *_inputs(poses), left)
 
 
 def _equilibrium_cubic(poses: Batch) -> None:
@@ -145,7 +145,7 @@ def _equilibrium_cubic(poses: Batch) -> None:
     if _is_fine(poses):
         _equilibrium_scalar(poses)
         return
-    parallel_for(batch.settle_cubic, poses.status.size, *_inputs(poses), plain=_leave)
+    parallel_for(contact_mode.settle_cubic, poses.status.size, *_inputs(poses), plain=_leave)
     _equilibrium(poses)
 
 
@@ -154,27 +154,27 @@ def _equilibrium_linear(poses: Batch) -> None:
     if _is_fine(poses):
         _equilibrium_scalar(poses)
         return
-    parallel_for(batch.settle_linear, poses.status.size, *_inputs(poses), _lane_order(poses), plain=_leave)
+    parallel_for(contact_mode.settle_linear, poses.status.size, *_inputs(poses), _lane_order(poses), plain=_leave)
     _equilibrium(poses)
 
 
 def _equilibrium_scalar(poses: Batch) -> None:
     """Solve every pose in equilibrium mode by the descent alone."""
-    poses.status[:] = batch.UNSETTLED
+    poses.status[:] = contact_mode.UNSETTLED
     _equilibrium(poses)
 
 
 def _equilibrium(poses: Batch) -> None:
     """Solve in equilibrium mode: from above, then, if that fails, from the six-wheel pose."""
     inputs = _inputs(poses)
-    parallel_for(batch.rest_batch, poses.status.size, *inputs, poses.report)
+    parallel_for(equilibrium_mode.equilibrium_batch, poses.status.size, *inputs, poses.report)
     left = np.flatnonzero((poses.status == Status.TIPPED) | (poses.status == Status.NOT_CONVERGED))
     if left.size > 0:
-        parallel_for(batch.settle_left, left.size, *inputs[:-1], poses.status.copy(), left)
-        parallel_for(batch.rest_left, left.size, *inputs, poses.report, left)
+        parallel_for(contact_mode.settle_left, left.size, *inputs[:-1], poses.status.copy(), left)
+        parallel_for(equilibrium_mode.equilibrium_left, left.size, *inputs, poses.report, left)
     left = _refused(poses)
     if left.size > 0:
-        parallel_for(batch.rest_bridged, left.size, *inputs, poses.report, left)
+        parallel_for(equilibrium_mode.equilibrium_bridged, left.size, *inputs, poses.report, left)
 
 
 def _refused(poses: Batch) -> NDArray[np.int64]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .._kernels import batch
+from .._kernels.batch.contacts import clearance_batch, contacts_batch
 from .._kernels.jit.parallel import parallel_for
 from .._kernels.solve.forces import R_LIFTED
 from ..arrays import Array, flat, flat_steering
@@ -182,7 +182,7 @@ class Pose:
         gap, angle, point, normal = (np.empty((n, 6, *tail)) for tail in ((), (), (3,), (3,)))
         count = np.empty((n, 6), dtype=np.int64)
         parallel_for(
-            batch.touch_batch,
+            contacts_batch,
             n,
             self.terrain.packed, self.rover.packed, *self._flat_position(), flat_steering(self.steering),
             np.ascontiguousarray(self.q.reshape(n, 6)), TOUCHING, gap, angle, point, normal, count,
@@ -276,7 +276,7 @@ class Pose:
         n = self.status.size
         out = np.empty(n)
         parallel_for(
-            batch.clearance_batch,
+            clearance_batch,
             n,
             self.terrain.packed,
             self.rover.packed,

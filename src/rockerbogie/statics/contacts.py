@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .._kernels.batch import touch_batch
+from .._kernels.batch.contacts import contacts_batch
 from .._kernels.jit.parallel import parallel_for
 from .._kernels.simd.bilinear_touch import touch_linear
 from ..arrays import Array, flat, flat_steering
@@ -77,7 +77,7 @@ def _lane_contacts(pose: Pose) -> tuple[Array, Array]:
         turned = steering if len(steering) == 1 else steering[left]
         points, normals, count = np.empty((m, 6, 3)), np.empty((m, 6, 3)), np.empty((m, 6), dtype=np.int64)
         parallel_for(
-            touch_batch, m, ground, rover, *(values[left] for values in position), turned, q[left], TOUCHING,
+            contacts_batch, m, ground, rover, *(values[left] for values in position), turned, q[left], TOUCHING,
             np.empty((m, 6)), np.empty((m, 6)), points, normals, count,
         )  # fmt: skip
         point[left], normal[left] = points, normals

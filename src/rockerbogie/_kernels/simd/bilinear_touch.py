@@ -82,7 +82,7 @@ def touch_linear(
     point: Array, normal: Array, found: NDArray[np.bool_],
     start: int, stop: int,
 ) -> None:  # fmt: skip
-    """Compute the contacts of settled poses, as `batch.touch_batch` to rounding.
+    """Compute the contacts of settled poses, as `batch.contacts` to rounding.
 
     Args:
         ground, rover: the packed terrain, which is bilinear, and rover.
@@ -139,7 +139,7 @@ def touch_linear(
 
 @njit
 def _refine(lanes: Array, grid: Array, meta: Array, rover: Array, i: int, spare: Array) -> None:
-    """Refine a contact as `batch.touch_batch` does.
+    """Refine a contact as `batch.contacts` does.
 
     A contact along the whole width moves to its middle, and slopes at ridges are computed.
 

@@ -8,8 +8,8 @@ is sought that the descent from above reaches:
 2. `descent.let_down`: a quasi-static descent gives a pose near the equilibrium.
 3. `energy.minimize_energy`: a sequence of small quadratic programs finds it exactly, with its contact forces (`forces`).
 
-If the descent tips over or no equilibrium is found after it, `batch.rest_left` solves again from the six-wheel pose of contact
-mode (`settle_from_pose`).
+If the descent tips over or no equilibrium is found after it, `batch.equilibrium_mode` solves again from the six-wheel pose of
+contact mode (`settle_from_pose`).
 """
 
 from __future__ import annotations

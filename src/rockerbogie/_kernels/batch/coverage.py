@@ -7,15 +7,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .jit.decorators import njit
-from .jit.raw_views import unowned_view
-from .model.bridge import cells_around
-from .model.ground import META_DX, META_DY, META_X, META_Y, META_Z, Ground, borrow, on_map
-from .model.linkage import Z, forward_kinematics, reach, set_hub_offsets
-from .model.wheel import AX, AY, EX, EY, HALF, HX, HY, RADIUS, UX, UY
-from .search.tread import FOUND, least_gap
-from .search.workspace import WORK_SIZE, lay_out
-from .solve.newton import CONVERGED, JOINT_STOP, NO_DATA
+from ..jit.decorators import njit
+from ..jit.raw_views import unowned_view
+from ..model.bridge import cells_around
+from ..model.ground import META_DX, META_DY, META_X, META_Y, META_Z, Ground, borrow, on_map
+from ..model.linkage import Z, forward_kinematics, reach, set_hub_offsets
+from ..model.wheel import AX, AY, EX, EY, HALF, HX, HY, RADIUS, UX, UY
+from ..search.tread import FOUND, least_gap
+from ..search.workspace import WORK_SIZE, lay_out
+from ..solve.newton import CONVERGED, JOINT_STOP, NO_DATA
 
 Array = NDArray[np.float64]
 

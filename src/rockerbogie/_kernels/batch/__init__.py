@@ -1,0 +1,1 @@
+"""Loops over batches of poses, called from Python."""
