@@ -30,6 +30,9 @@ WORD = re.compile(rf"(?<![\w.`\"'])({'|'.join(RETIRED)})(?![\w`\"'(=])", re.IGNO
 #: File and retired word that it may hold: names that are kept for users and stored data.
 ALLOWED = {("src/rockerbogie/motion/jacobian.py", "stance"), ("tests/test_golden.py", "holes")}
 
+#: Words that say that an argument is written.
+WRITTEN = re.compile(r"\b(filled|written|replaced|overwritten|changed|scratch|work arrays|shifted)\b", re.IGNORECASE)
+
 #: Rule -> folder -> number of places that break it. A folder that is not listed has none.
 REMAINING: dict[str, dict[str, int]] = {
     "opening": {},
@@ -147,6 +150,34 @@ def undocumented_kernels() -> Iterator[Place]:
                 yield Place(file, node.lineno, f"{node.name} has no Args")
 
 
+def written(node: ast.FunctionDef) -> set[str]:
+    """Return the arguments of a function whose elements or fields it assigns to."""
+    names, rebound = set(), set()
+    for part in ast.walk(node):
+        targets = part.targets if isinstance(part, ast.Assign) else [part.target] if isinstance(part, ast.AugAssign) else []
+        for target in targets:
+            for one in target.elts if isinstance(target, ast.Tuple | ast.List) else [target]:
+                base: ast.AST = one
+                while isinstance(base, ast.Subscript | ast.Attribute):
+                    base = base.value
+                if isinstance(base, ast.Name):
+                    (rebound if base is one else names).add(base.id)
+    return (names - rebound) & set(arguments(node))
+
+
+def unnamed_writes() -> Iterator[Place]:
+    """Yield kernels that write to an argument whose entry under Args does not say so."""
+    for file in files("src/rockerbogie/_kernels/**/*.py"):
+        for node, text, _ in documented(file):
+            if isinstance(node, ast.FunctionDef) and "\nArgs:\n" in text and "\nWrites:" not in text:
+                section = text.partition("\nArgs:\n")[2].partition("\n\n")[0]
+                entries = re.findall(r"^    ([\w, *]+): ((?:.|\n(?!    \w))*)", section, re.MULTILINE)
+                said = {name.strip(): entry for names, entry in entries for name in names.split(",")}
+                for name in sorted(written(node)):
+                    if not WRITTEN.search(said.get(name, "")):
+                        yield Place(file, node.lineno, f"{node.name} writes to {name}: {said.get(name, '')[:60]}")
+
+
 def without_docstring() -> Iterator[Place]:
     """Yield functions and methods of the package that have no docstring.
 
@@ -169,6 +200,7 @@ RULES = {
     "retired word": retired_words,
     "Args and Returns": undocumented,
     "kernel Args": undocumented_kernels,
+    "written arguments": unnamed_writes,
 }
 
 
@@ -194,6 +226,8 @@ def test_the_rules_find_what_they_forbid(tmp_path: Path) -> None:
     assert [public for _, _, public in found] == [True, True, False]
     assert arguments(found[1][0]) == ["a"]  # type: ignore[arg-type]
     assert returns_value(found[1][0])  # type: ignore[arg-type]
+    sample.write_text("def f(a, b, c):\n    a[0], d = 1, 2\n    b.x += 1\n    c = a\n    c[0] = 1\n", encoding="utf-8")
+    assert written(list(documented(sample))[1][0]) == {"a", "b"}  # type: ignore[arg-type]
 
 
 if __name__ == "__main__":  # prints the counts for REMAINING, and with a rule and folders the places in them

@@ -105,7 +105,10 @@ def _write(result: MarsBenchmark, output: Path | None) -> list[Path]:
 
 
 def _record(result: MarsBenchmark) -> dict[str, Any]:
-    """Return the scores as nested dicts: set, contender, score, channel."""
+    """Return the record for JSON: attributes of the cases, `scores`, `not_scored`.
+
+    `scores` is nested: set, contender, then `cases` (their number) or a score and its channels.
+    """
     scores = result.scores
     channels = [str(c) for c in scores["channel"].to_numpy()]
     found: dict[str, Any] = {}

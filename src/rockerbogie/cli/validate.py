@@ -133,7 +133,7 @@ def validate(
 def _mapping(
     log: FilePath, file: FilePath | None, pairs: list[str], frame: Literal["enu", "ned"] | None, origin: str | None
 ) -> LogMap | None:
-    """Return the mapping of file, known log and flags, the last first; `None` if there is none."""
+    """Return the mapping of a file or known log, changed by the options; None without them."""
     if file is None and not pairs and frame is None and origin is None:
         return None
     base = LogMap.from_toml(file) if file is not None else known_log(log) or LogMap({}, name="--column")

@@ -322,7 +322,7 @@ class DrivePanel:
     # -- simulation ------------------------------------------------------------------------------------------------
 
     def _simulate(self) -> None:
-        """Simulate the path in MuJoCo on a thread of its own."""
+        """Start the simulation of the path in MuJoCo on a thread, and show its progress bar."""
         state, path = self.session.state, self.path
         if path is None or self.run is None:
             raise PathError("there is no run to simulate: drive a path first")

@@ -45,7 +45,7 @@ def contact_arrows(pose: Pose, loads: WheelLoads) -> Arrows:
 
 
 def _axles(pose: Pose) -> Array:
-    """Return the directions of the axles in world axes, (6, 3), to the left."""
+    """Return the directions of the axles, to the left, in world axes, (6, 3)."""
     return np.asarray(np.einsum("ij,kj->ki", pose.T_world_body[:3, :3], pose.axle_frames[:, :3, 1]))
 
 

@@ -141,7 +141,13 @@ def _unreadable(path: Path, error: Exception, remedy: str) -> RockerbogieError:
 
 
 def _messages(path: Path, kinds: dict[str, str], report: LogReport) -> Iterator[tuple[str, str, float, Any]]:
-    """Yield topic, type, time of reception (s) and message."""
+    """Yield topic, type, time of reception (s) and message of joints, IMUs and odometry.
+
+    Args:
+        path: the bag.
+        kinds: filled with the type of every topic of the bag.
+        report: gets notes on damaged bags.
+    """
     from rosbags.rosbag1 import Reader as Reader1
     from rosbags.rosbag2 import Reader
     from rosbags.typesys import Stores, get_typestore

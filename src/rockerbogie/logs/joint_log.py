@@ -111,7 +111,10 @@ def _assemble(
     straight: bool,
     report: LogReport,
 ) -> xr.Dataset:
-    """Return the Dataset of a log: columns at the wheels' times, repaired and compared."""
+    """Return the Dataset of a log: columns at the wheels' times, repaired and compared.
+
+    Remarks are added to `report`; `source.origin` gets the topics of the IMU.
+    """
     import xarray as xr
 
     columns = source.columns
@@ -288,7 +291,7 @@ def _add_imu(
     axes: tuple[str, tuple[float, float, float] | None, Sequence[str]],
     report: LogReport,
 ) -> None:
-    """Add attitude and gyro to a log's variables."""
+    """Add attitude and gyro to `data`, and their topics to `source.origin`."""
     frame, mounting, flip = axes
     imus = [one.turned(frame, mounting) for one in source.imus]
     chosen, attitude, gyro = fit_imu(imus, time, check, report)

@@ -263,7 +263,7 @@ class _Messages:
         return self.Quaternion(x=float(q[0]), y=float(q[1]), z=float(q[2]), w=float(q[3]))
 
     def vector(self, v: Array) -> Any:
-        """Return a geometry_msgs/Vector3.
+        """Return a geometry_msgs/Vector3 for an MCAP file.
 
         Args:
             v: (3,).

@@ -297,7 +297,13 @@ class OdometryFilter:
         return self._estimate(b, motion, track, T[0], P[0], length[0])
 
     def _regain(self, track: Array, measured: Array, row: Array) -> None:
-        """Set offset and errors of the attitude where a sensor begins, or begins again."""
+        """Reset attitude errors and heading offset where a sensor begins or begins again.
+
+        Args:
+            track: (T_SIZE,) state of the track; rows and columns of the attitude's errors are changed.
+            measured: (2,) True where tilt and heading are measured now.
+            row: the newest row of readings.
+        """
         P = track[at.T_COVARIANCE : at.T_COVARIANCE + 36].reshape(6, 6)
         for k in (3, 4, 5):
             part = int(k == 5)

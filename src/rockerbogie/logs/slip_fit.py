@@ -64,8 +64,9 @@ class SoilFit:
 def fit_soil(rover: Rover, terrain: Terrain | None, log: str | Path | xr.Dataset) -> SoilFit:
     """Fit a slip curve to the slip and the slope of a log.
 
-    A Kalman filter runs along the drive with the level and both gains as state, and a smoother runs back. The change of the level
-    per metre and the error of a measurement are those of the greatest likelihood. Slip is the logged one, or that of corrected
+    The logit of slip is a level plus two gains times the sines of the slope along and across. A Kalman filter runs along the
+    drive with the level and both gains as state, and a smoother runs back. The change of the level per metre and the error of a
+    measurement are the most likely ones of a grid. Slip is the logged one, or that of corrected
     positions; slope is the logged attitude, or that of poses settled on the map.
 
     Args:

@@ -112,7 +112,7 @@ def swept(step: tuple[int, int]) -> list[tuple[int, int]]:
 
 
 def moves(heading: Array, cell: tuple[float, float], in_place: bool, radius: float, backward: bool) -> list[list[Move]]:
-    """Return the moves out of each heading (docs/maps.md, "plan").
+    """Return the moves out of each heading: straight ones and turns (docs/maps.md, "plan").
 
     Args:
         heading: (n,) rad.

@@ -98,7 +98,7 @@ class Job:
     def _batch(
         self, terrain: Terrain, x: Array, y: Array, yaw: Array, summary: _Summary, at: tuple[slice, slice]
     ) -> dict[str, NDArray[Any]]:
-        """Return the layers (headings, rows, cols) of one batch, and add them to the summary."""
+        """Return the layers (headings, rows, cols) of a batch, and add them to the summary."""
         pose = settle(self.rover, terrain, x, y[:, None], yaw[:, None, None], mode=self.mode, gravity=self.gravity)
         tilt = _plain(pose.tilt)
         look_below = self.limits.clearance is not None or not {"clearance", "worst_clearance"}.isdisjoint(self.layers)
@@ -192,7 +192,16 @@ class _Summary:
         self, at: tuple[slice, slice], yaw: Array, status: NDArray[np.uint8], tilt: Array, clearance: Array | None,
         over: NDArray[np.uint16], room: Array | None, forces: Mapping[str, Array],
     ) -> None:  # fmt: skip
-        """Add headings (n,) of a block of cells; the layers are (n, rows, cols)."""
+        """Add the headings of a block of cells to the summary.
+
+        Args:
+            at: rows and columns of the block.
+            yaw: (n,) headings, rad.
+            status, tilt, clearance: (n, rows, cols) of their poses: codes, rad, m.
+            over: (n, rows, cols) a bit for each limit that is exceeded.
+            room: (n, rows, cols) least distance of an angle from its limit, rad.
+            forces: name -> (n, rows, cols) layers of forces.
+        """
         best, least, worst = self.best_heading[at], self.least[at], self.worst[at]
         for k in range(len(yaw)):
             passes = over[k] == 0

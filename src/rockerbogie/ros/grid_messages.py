@@ -89,7 +89,7 @@ def fill_grid_map(
     """Write layers into a grid_map_msgs/GridMap.
 
     Args:
-        message: an empty message; its header is the caller's.
+        message: an empty message, filled; its header is left to the caller.
         layers: name -> (rows, cols).
         origin: x, y of the centre of cell [0, 0], m.
         spacing: side of a cell, m.
@@ -154,7 +154,7 @@ def fill_occupancy(message: Any, costs: NDArray[np.int8], origin: tuple[float, f
     """Write costs into a nav_msgs/OccupancyGrid.
 
     Args:
-        message: an empty message; its header is the caller's.
+        message: an empty message, filled; its header is left to the caller.
         costs: (rows, cols), -1 to 100.
         origin: x, y of the centre of cell [0, 0], m.
         spacing: side of a cell, m.

@@ -232,7 +232,7 @@ def _set_inertia(rover: Rover, body: Any, link: Link, origin: Array) -> None:
 
     Args:
         rover: gives the smallest mass of a body.
-        body: the body.
+        body: the body's specification; changed.
         link: mass and inertia; centre of mass in the rover's body frame.
         origin: (3,) the body's frame in the rover's body frame, m.
     """

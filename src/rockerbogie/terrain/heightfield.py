@@ -341,7 +341,7 @@ def _numbers(z: Any, spacing: Any, origin: Any) -> tuple[Array, tuple[float, flo
 
 
 def _check_given(spacing: Any, origin: Any, own_spacing: tuple[float, float], own_origin: tuple[float, float]) -> None:
-    """Raise an error if a DataArray's coordinates differ from a given spacing or origin."""
+    """Raise TerrainError if a DataArray's coordinates differ from a given spacing or origin."""
     for given, own, word in ((spacing, own_spacing, "spacing"), (origin, own_origin, "origin")):
         try:
             same = given is None or np.allclose(np.broadcast_to(given, (2,)), own, rtol=1e-9, atol=1e-3 * min(own_spacing))

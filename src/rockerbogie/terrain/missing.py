@@ -148,7 +148,7 @@ class Screening:
         return all(abs(v - value) > NEAR * abs(value) for v in others)
 
     def notes(self, fills: tuple[float, ...]) -> list[str]:
-        """Return the warnings that the search gives rise to.
+        """Return warnings about undeclared missing data and about heights in steps.
 
         Args:
             fills: the result of the method `fills`.

@@ -22,11 +22,11 @@ STRIP = 64  # rows computed at once, so that they stay in the processor's cache
 
 
 def nodes_needed(start: int, stop: int, count: int) -> tuple[int, int]:
-    """Return the nodes from which coefficients are computed, along one axis.
+    """Return the nodes that the coefficients of a window depend on, along one axis.
 
     Args:
-        start: first node.
-        stop: one past the last.
+        start: first node of the window.
+        stop: one past its last node.
         count: nodes of the map along the axis.
 
     Returns:

@@ -200,7 +200,7 @@ def settle_bridged(
 
     A search that finds no terrain in missing cells may fail where another pose lies over known terrain. The first pose found here
     whose treads lie over known terrain counts: there the bridged terrain is the terrain itself. If the search finds no pose at
-    all, a status of NO_DATA becomes NOT_CONVERGED: missing data is not what refuses the pose. The search ends once `REPEATS`
+    all, NOT_CONVERGED replaces NO_DATA: missing data is not what refuses the pose. The search ends once `REPEATS`
     more starts lead to the pose that was refused first: other solutions, with the linkage folded, then do not count.
 
     Args:

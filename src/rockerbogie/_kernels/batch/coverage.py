@@ -32,7 +32,7 @@ def refuse_uncovered(
         x, y, yaw: (n,) position, m, and heading, rad.
         steering: (n, 6) or (1, 6) steering angles, rad.
         out: (n, 6) poses; NaN is written where a pose is refused.
-        status: (n,) statuses; CONVERGED and JOINT_STOP become NO_DATA where a pose is refused.
+        status: (n,) statuses; NO_DATA is written in place of CONVERGED and JOINT_STOP where a pose is refused.
         start, stop: range of poses that this call checks.
     """
     buffer, q = np.empty(WORK_SIZE), np.empty(6)

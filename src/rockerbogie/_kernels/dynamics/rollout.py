@@ -228,7 +228,7 @@ def runge_kutta(
     Args:
         ground, rover, command, drive, work, s, m: as for `evaluate`.
         span: duration of the step, s.
-        state: at the station on entry; `place` is the end on return, `q` a pose near it, `total` the sums of w and power.
+        state: at the station on entry; replaced: `place` by the end, `q` by a pose near it, `total` by the sums of w and power.
 
     Returns:
         CONVERGED, or the code of the stage without a solution; `place` is then that stage's.

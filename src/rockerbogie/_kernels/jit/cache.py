@@ -335,7 +335,7 @@ def enable_cache(dispatcher: Any) -> None:
     """Give a dispatcher a cache on disk, and its compilation a notice.
 
     Args:
-        dispatcher: result of `numba.njit` without `cache`.
+        dispatcher: result of `numba.njit` without `cache`; changed.
     """
     cache = KernelCache(dispatcher)
     compiler = dispatcher._compiler

@@ -166,7 +166,7 @@ def keep_lower_contact(
         gap: m, the point's gap.
         sine, cosine, s: sin φ, cos φ and m along the axle.
         keep: m, list points with a gap up to this.
-        contacts: (n, CONTACT_SIZE) the list; n may be 0.
+        contacts: (n, CONTACT_SIZE) the list; a row is written; n may be 0.
         count: number of points listed.
 
     Returns:

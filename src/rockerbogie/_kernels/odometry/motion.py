@@ -160,7 +160,7 @@ def set_equation(A: Array, count: int, row: Array, value: float, sigma: float) -
     """Add a whitened equation, row · unknowns = value, if its value is not NaN.
 
     Args:
-        A: (EQUATIONS, UNKNOWNS + 1) equations.
+        A: (EQUATIONS, UNKNOWNS + 1) equations; row `count` is written.
         count: number of equations so far.
         row: (UNKNOWNS or more,) coefficients.
         value: right side.
@@ -187,7 +187,7 @@ def set_sensors(reading: Array, weights: Array, speed: float, roll: float, pitch
         speed: of the wheels, m/s.
         roll, pitch: rad.
         row: (UNKNOWNS,) scratch.
-        A: (EQUATIONS, UNKNOWNS + 1) equations.
+        A: (EQUATIONS, UNKNOWNS + 1) equations; row `count` is written.
         count: number of equations so far.
 
     Returns:

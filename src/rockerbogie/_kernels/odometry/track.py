@@ -146,7 +146,7 @@ def set_error_growth(P: Array, step: Array, added: Array) -> None:
     """Propagate the covariance of a pose over a displacement, in place.
 
     Args:
-        P: (6, 6) of position and rotation about fixed axes, m² and rad².
+        P: (6, 6) of position and rotation about fixed axes, m² and rad²; replaced.
         step: (3,) displacement, m.
         added: (6, 6) covariance of the step itself.
     """
@@ -172,7 +172,7 @@ def advance(
     """Continue a track by one interval.
 
     Args:
-        state: (T_SIZE,) of the track, updated.
+        state: (T_SIZE,) of the track, replaced.
         noise: (N_SIZE,).
         time: length of the interval, s.
         twist: (6,) of the body in its own frame, m/s and rad/s.
@@ -243,7 +243,7 @@ def track_batch(
     """Continue a track by intervals, and record each pose.
 
     Args:
-        state: (T_SIZE,) of the track, updated.
+        state: (T_SIZE,) of the track, replaced.
         noise: (N_SIZE,).
         dt: (n,) lengths of the intervals, s.
         motion: (n, 6 or more) twist, m/s and rad/s.

@@ -35,7 +35,7 @@ def keep_lower_point(
     """List a point of the box if it is the lowest of its neighbourhood.
 
     Args:
-        near: (n, NEAR_SIZE) the list.
+        near: (n, NEAR_SIZE) the list; a row is written.
         count: number of points listed.
         apart: m, points closer than this are one neighbourhood.
         gap: m, the point's gap.

@@ -119,7 +119,7 @@ def tangent_plane(w: Array, sine: float) -> None:
     It is p0 + p1 X + p2 Y, X and Y from the hub. T is nowhere below it. PLANE + 3 holds u.
 
     Args:
-        w: (WHEEL_SIZE,) wheel.
+        w: (WHEEL_SIZE,) wheel; PLANE is written.
         sine: sin φ, limited to ±0.999.
     """
     r = w[RADIUS]
@@ -135,7 +135,7 @@ def _search_curved(
     ground: Ground, w: Array, i: int, j: int, far_x: float, far_y: float, follow: bool, keep: float,
     lowest: Array, contacts: Array, count: int,
 ) -> int:  # fmt: skip
-    """Search a cell of cubic terrain: `_search_cell`.
+    """Search a cell of cubic terrain for local minima of the gap, as `_search_cell`.
 
     Args:
         ground, w, i, j, far_x, far_y, follow, keep, lowest, contacts, count: as `_search_cell` takes them.
@@ -156,7 +156,7 @@ def _search_flat(
     ground: Ground, w: Array, i: int, j: int, far_x: float, far_y: float, follow: bool, keep: float,
     lowest: Array, contacts: Array, count: int,
 ) -> int:  # fmt: skip
-    """Search a cell of bilinear terrain: `_search_cell`.
+    """Search a cell of bilinear terrain for local minima of the gap, as `_search_cell`.
 
     Args:
         ground, w, i, j, far_x, far_y, follow, keep, lowest, contacts, count: as `_search_cell` takes them.
@@ -223,7 +223,7 @@ def least_gap(
 
     Args:
         ground: terrain.
-        w: (WHEEL_SIZE,) wheel.
+        w: (WHEEL_SIZE,) wheel; its scratch is written.
         sine, cosine, s: a first guess, which only saves time.
         whole: True to search the whole tread; False for the guess's cell only and, there, the same part of the tread.
         keep: m, list local minima of gap <= keep.

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 @inlined
 def line_up(buffer: Array) -> Array:
-    """Return an unowned view of a buffer that starts on a cache line.
+    """Return an unowned view of a buffer from its first cache-line boundary to its end.
 
     The processor fetches a row twice if it lies across two lines.
 
@@ -27,7 +27,7 @@ def line_up(buffer: Array) -> Array:
         buffer: (size + LINE,) memory for a lane array.
 
     Returns:
-        The view; the buffer must outlive it.
+        (size or more,) the view; the buffer must outlive it.
     """
     return unowned_view(buffer[(-buffer.ctypes.data % (8 * LINE)) // 8 :])
 

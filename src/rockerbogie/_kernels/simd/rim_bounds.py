@@ -204,8 +204,8 @@ def _bound(lanes: Array, at_s: int, at_c: int, to_s: int, to_c: int, cell: int, 
     """Compute a lower bound of the gap over one piece.
 
     The bound is exact if the lowest gap is at an end. Over u = sin φ the gap is convex where gc − √2 |twist e| > 2 twist
-    (ac − bd) cos³ φ. Then its tangents at both ends bound it. Where it is not convex, subtracting a parabola that is 0 at
-    both ends makes it so.
+    (ac − bd) cos³ φ (`rim_over_cell`). Then its tangents at both ends bound it. Elsewhere a parabola that is 0 at both ends is
+    subtracted: the rest is convex.
 
     Args:
         lanes: the lane array (`layout`).

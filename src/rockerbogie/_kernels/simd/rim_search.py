@@ -191,8 +191,8 @@ def keep_lower_gap(lanes: Array, meta: Array) -> None:
 
     The refined point counts if its Newton step has converged or the gap is convex over the piece. Otherwise an end of the
     piece may be lower: the lower end is taken and, unless the gap is concave, LOWEST.doubt is reduced to the piece's lower
-    bound. A point outside its cell, where a rim turns back out of the cell, does not count. The slope of a contact on a
-    grid line, where the terrain has a ridge, is the one between its two sides' that is perpendicular to the rim.
+    bound. A point outside its cell, where a rim turns back out of the cell, does not count. On a grid line, where the
+    terrain has a ridge, the slope is the one perpendicular to the rim, between the slopes of both sides.
 
     Args:
         lanes: the lane array (`layout`).

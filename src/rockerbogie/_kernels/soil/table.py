@@ -73,7 +73,7 @@ def spline_forces(table: Array, load: float, rim: float, vx: float, vy: float, o
         load: N. Below the table's least load the ratios of force to load are constant.
         rim, vx, vy: motion; rim and vx at least 0, not all 0.
         out: (4, 5) filled as by `motion_table_forces`.
-        space: (SPACE,) work space.
+        space: (SPACE,) scratch.
 
     Returns:
         COMPUTED, OUT_OF_RANGE (load above the table) or OVERLOADED.

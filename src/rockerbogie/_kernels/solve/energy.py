@@ -130,9 +130,9 @@ def add_cuts(contacts: Contacts, found: int, d: Array, lift: float, limit: float
     Args:
         contacts, found: near contacts at the end of the step, and their number.
         d: (6,) step.
-        lift: m, height of the step's end above the pose that touches there.
-        limit: m, negative: gaps below it are cuts.
-        cuts: the cuts, as seen from the start of the step; written.
+        lift: m, height of the step's end above the pose of first contact there.
+        limit: m, negative: contacts with a gap below it become cuts, up to CUTS.
+        cuts: filled; their gaps are those at the start of the step to first order, at least 0.
         count: number of cuts so far.
 
     Returns:

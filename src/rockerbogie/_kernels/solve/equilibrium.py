@@ -42,7 +42,7 @@ def find_six_wheels(site: Site, report: Array, six: SixWheels, contacts: Contact
     Args:
         site: rover, position and terrain.
         report: (R_SIZE,) forces and flags; written if the pose is in balance.
-        six: six.q holds the pose, NaN for none; six.share is 0 afterwards if it is not in balance.
+        six: six.q holds the pose, NaN for none; six.share is written, 0 if the pose is not in balance.
         contacts, program: scratch.
     """
     six.share[0] = 0.0

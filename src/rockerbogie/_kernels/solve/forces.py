@@ -77,7 +77,7 @@ def add_limits(rover: Array, q: Array, n: Array, b: Array, count: int) -> int:
 
     Args:
         rover: (P_SIZE,) packed rover.
-        q: (6,) pose; joints may be moved.
+        q: (6,) pose; joints near their limits are changed.
         n, b: constraint normals and bounds; written.
         count: number of constraints so far.
 

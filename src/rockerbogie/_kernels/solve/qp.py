@@ -25,7 +25,7 @@ def invert(a: Array, out: Array) -> bool:
     """Invert a symmetric positive definite matrix by elimination.
 
     Args:
-        a: (n, n) matrix; destroyed.
+        a: (n, n) matrix; overwritten.
         out: (n, n) filled with the inverse.
 
     Returns:

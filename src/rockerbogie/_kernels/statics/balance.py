@@ -37,7 +37,7 @@ def force_column(
         pivots: (4, 3) both rocker pivots, then both bogie pivots, from the body's origin, m.
         px, py, pz: point of action from the body's origin, m.
         fx, fy, fz: the force, N.
-        column: (9,) generalized force, N and N m; added to.
+        column: (9,) generalized force, N and N m; changed.
     """
     column[0] += fx
     column[1] += fy
@@ -68,8 +68,8 @@ def contact_columns(
         wheels: (6, WHEEL_SIZE) wheels with the body's origin at (0, 0, 0).
         point: (6, 3) contact points from the body's origin, m; NaN where there is none.
         normal: (6, 3) unit normals from the terrain into the wheel.
-        columns: (6, 3, 9) generalized forces of unit normal force, traction and side force, 0 where there is no contact.
-        frame: (6, 3, 3) directions of the three, one a row.
+        columns: (6, 3, 9) filled: unit normal force, traction and side force; 0 where there is no contact.
+        frame: (6, 3, 3) filled with the directions of the three, one a row.
     """
     columns[:] = frame[:] = 0.0
     _, slope = right_rocker(rover, q[ROCKER])
@@ -104,7 +104,7 @@ def weight_column(
         q: (6,) pose: z, roll, pitch, rocker, both bogies.
         axes, pivots: as for `contact_columns`.
         gx, gy, gz: gravity less the rover's acceleration, m/s².
-        column: (9,) generalized force, N and N m.
+        column: (9,) filled, N and N m.
 
     Returns:
         The rover's mass, kg.

@@ -321,7 +321,7 @@ def write(rows: Any, start: int, i: int, value: Vector) -> None:
     """Set the vector of a contact.
 
     Args:
-        rows: rows of the lane array.
+        rows: rows of the lane array; three are written.
         start: first row of the vectors.
         i: contact.
         value: vector.

@@ -63,7 +63,7 @@ def add_cone(columns: Array, h: Array, mu: float, g: Array, m: Array) -> None:
         h: (3, 3) H.
         mu: friction coefficient.
         g: (3, 9) filled with H Aᵀ.
-        m: (9, 9) the matrix.
+        m: (9, 9) the matrix; changed.
     """
     for k in range(EQUATIONS):
         a0, a1, a2 = columns[0, k], mu * columns[1, k], mu * columns[2, k]
@@ -97,7 +97,7 @@ def unscale_cone(w: Array, beta: float, x: Array, out: Array) -> None:
     """Fill the product of an inverse Nesterov-Todd scaling with a vector.
 
     Args:
-        w, beta, x, out: as for `scale_cone`.
+        w, beta, x, out: as for `scale_cone`; out is filled.
     """
     dot = w[1] * x[1] + w[2] * x[2]
     part = -x[0] + dot / (1.0 + w[0])

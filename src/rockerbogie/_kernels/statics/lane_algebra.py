@@ -25,7 +25,7 @@ def factor(m: list[list[Any]], size: int) -> list[Any]:
     """Replace the lower triangle of a matrix M by L of M = L D Lᵀ, without the diagonal of L.
 
     Args:
-        m: (size, size) None where an element is 0.
+        m: (size, size) None where an element is 0; replaced.
         size: number of rows.
 
     Returns:

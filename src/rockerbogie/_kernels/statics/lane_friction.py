@@ -236,7 +236,8 @@ def _finish(
     Args:
         t: work arrays.
         l: lane.
-        field, gap, force, torque, required, bound, limit, belly, status, solved: as for `friction_batch`.
+        field, gap: as for `friction_batch`.
+        force, torque, required, bound, limit, belly, status, solved: as for `friction_batch`; the pose's items are written.
 
     Returns:
         True if it is proved.
@@ -297,7 +298,8 @@ def store_forces(
         t: work arrays.
         l: lane.
         below: coefficient proved too small.
-        field, force, torque, required, bound, limit, belly: as for `friction_batch`.
+        field: as for `friction_batch`.
+        force, torque, required, bound, limit, belly: as for `friction_batch`; the pose's items are written.
     """
     lanes, k = t.lanes, t.pose[l]
     row = k if field.shape[0] > 1 else 0

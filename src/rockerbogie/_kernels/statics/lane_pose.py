@@ -68,7 +68,7 @@ def _put(rows: Any, at: int, value: Vector) -> None:
     """Set three consecutive rows.
 
     Args:
-        rows: rows of the lane array.
+        rows: rows of the lane array; three are written.
         at: the first row.
         value: vector.
     """
@@ -175,7 +175,7 @@ def load_poses(
     """Fill link and contact rows with consecutive poses; spare lanes repeat the last one.
 
     Args:
-        lanes: the lane array.
+        lanes: the lane array; written.
         rover: (P_SIZE,) the packed rover.
         yaw: (n,) rad.
         steering: (n, 6) or (1, 6) rad.
@@ -216,7 +216,7 @@ def _steer(lanes: Array, l: int, rover: Array, steering: Array) -> None:
     """Set the steering of a lane: `linkage.set_hub_offsets`.
 
     Args:
-        lanes: the lane array.
+        lanes: the lane array; written.
         l: lane.
         rover: (P_SIZE,) the packed rover.
         steering: (6,) rad.

@@ -168,7 +168,7 @@ def _solve(
 
     Args:
         rover, yaw, steering, q, point, normal, span, stops, belly_point, friction, tolerance: as for `margin_batch`.
-        margin, bound, direction, stays, slides, angle, energy, status: as for `margin_batch`.
+        margin, bound, direction, stays, slides, angle, energy, status: as for `margin_batch`; items of the range are written.
         kind: POINTS or LINES.
         first, last: range of poses.
     """
@@ -263,7 +263,7 @@ def _ray_ends(
         s: rays; the hull and the nearest half-plane are changed.
         l: lane.
         tolerance: largest difference of the margin's bounds, rad.
-        direction, stays, slides: as for `margin_batch`; set for the nearest half-plane.
+        direction, stays, slides: as for `margin_batch`; written for the nearest half-plane.
     """
     lanes, p, best = t.lanes, t.pose[l], s.best[l]
     if lanes[RAY.news * LANES + l] == 0.0:

@@ -210,7 +210,7 @@ def _keep_forces(t: Block, l: int, high: float, best: Array) -> float:
         t: work arrays.
         l: lane.
         high: friction coefficient that the best forces use.
-        best: (VECTORS + 4,) the best contact forces, and forces LIMITS.
+        best: (VECTORS + 4,) the best contact forces, and forces LIMITS; replaced by better ones.
 
     Returns:
         The friction coefficient that the best forces use now.

@@ -34,7 +34,7 @@ def solve_linear(a: Array, b: Array, n: int) -> bool:
     """Solve a x = b by elimination with row pivoting.
 
     Args:
-        a: (n, n), destroyed.
+        a: (n, n), overwritten.
         b: (n,) replaced by the solution.
         n: size.
 
@@ -74,7 +74,7 @@ def solve_with_multipliers(a: Array, b: Array, n: int, first: int) -> bool:
     """Solve a x = b by elimination with full pivoting, where equations may depend on each other.
 
     Args:
-        a: (n, n), destroyed.
+        a: (n, n), overwritten.
         b: (n,) replaced by the solution.
         n: size.
         first: index of the first multiplier; those of dependent equations are set to 0.

@@ -133,7 +133,7 @@ def balance_exactly(columns: Array, count: int, extra: Array, more: int, b: Arra
 
     Args:
         columns, count, extra, more, b: as for `least_norm`.
-        f, y: (6, 3), (m,) forces, corrected.
+        f, y: (6, 3), (m,) forces, changed.
     """
     short, change, change_y = np.empty(EQUATIONS), np.zeros((6, 3)), np.zeros(more)
     weight = np.zeros((6, 2))

@@ -70,6 +70,8 @@ def step(rows: Any, friction: bool, contacts: int) -> None:
         rows: rows of the lane array (`lane_rows`).
         friction: True: least friction coefficient; False: greatest turn of gravity.
         contacts: number of contacts, WHEELS or CONTACTS.
+
+    Writes: STATE (all), RESULT.gap, RESULT.short, RESULT.bowed, RESULT.alpha, RESULT.proof; RAY where gravity turns
     """
     size = EQUATIONS - 1 if friction else EQUATIONS
     mu, price, theta, free = rows[STATE.mu], rows[STATE.price], rows[STATE.theta], rows[PROBLEM.free]
@@ -234,6 +236,8 @@ def find_sides(
         wheels, limits: contacts and limits, with their scaling.
         matrix, over: factor of the step's matrix.
         short: residual of the balance.
+
+    Writes: RAY.start, RAY.left, RAY.right
     """
     one = rows[STATE.mu] * 0.0 + 1.0
     v = solve(matrix, over, gravity_force(rows, -rows[RAY.y], rows[RAY.x]))
@@ -280,6 +284,8 @@ def balance(rows: Any, contacts: int) -> None:
     Args:
         rows: rows of the lane array (`lane_rows`).
         contacts: number of contacts, WHEELS or CONTACTS.
+
+    Writes: RESULT.force, RESULT.y
     """
     size = EQUATIONS - 1
     one = rows[STATE.mu] * 0.0 + 1.0

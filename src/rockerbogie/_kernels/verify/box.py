@@ -85,7 +85,7 @@ def bound_box(field: Field, patch: Array, w: Array, a: float, b: float, da: floa
     Args:
         field: the terrain.
         patch: (PATCH_SIZE,).
-        w: (WORK_SIZE,) BEST is updated.
+        w: (WORK_SIZE,) BEST is replaced.
         a: middle of the box.
         b: middle of the box.
         da: half range of a.
@@ -140,7 +140,7 @@ def bound_over_cell(field: Field, patch: Array, w: Array, box: Box, cells: Cells
     Args:
         field: bilinear terrain.
         patch: (PATCH_SIZE,).
-        w: (WORK_SIZE,) with P, N, T of the box's middle; BEST is updated, CURVATURE is overwritten.
+        w: (WORK_SIZE,) with P, N, T of the box's middle; BEST is replaced, CURVATURE is overwritten.
         box: the box.
         cells: cells that the box reaches over, at most two along each axis.
         col: column of the cell.
@@ -224,7 +224,7 @@ def try_side(field: Field, patch: Array, w: Array, box: Box, side: Side, model: 
     Args:
         field: bilinear terrain.
         patch: (PATCH_SIZE,).
-        w: (WORK_SIZE,) BEST is updated.
+        w: (WORK_SIZE,) BEST is replaced.
         box: the box.
         side: the side.
         model: derivatives of the gap.

@@ -54,7 +54,7 @@ def push_box(heap: Array, size: int, low: float, a: float, b: float, da: float, 
     """Add a box to the heap, whose first row has the lowest bound.
 
     Args:
-        heap: (room, BOX_SIZE).
+        heap: (room, BOX_SIZE) changed.
         size: boxes in it.
         low: the box's lower bound, m.
         a: middle.
@@ -84,7 +84,7 @@ def pop_box(heap: Array, size: int) -> int:
     """Remove the first box of the heap.
 
     Args:
-        heap: (room, BOX_SIZE).
+        heap: (room, BOX_SIZE) changed.
         size: boxes in it, at least 1.
 
     Returns:
@@ -160,7 +160,7 @@ def known_under(field: Field, patch: Array, w: Array, heap: Array, limit: int) -
         field: the terrain.
         patch: (PATCH_SIZE,).
         w: (WORK_SIZE,) overwritten.
-        heap: (limit + 2 SECTORS, BOX_SIZE) working memory, used as a stack.
+        heap: (limit + 2 SECTORS, BOX_SIZE) scratch, used as a stack.
         limit: boxes that may be looked at.
 
     Returns:
@@ -344,9 +344,9 @@ def verify_batch(
         patches: (n, PATCHES, PATCH_SIZE) the six treads and the body's three lower faces; REACH and AMPLITUDE are written.
         tolerance: width of the bracket wanted, m.
         limit: boxes that may be bounded for each tread, and for the body.
-        bracket: (n, TREADS + 1, 2) receives the lower and upper bound of each gap and of the clearance, m; NaN if unknown.
-        flags: (n, TREADS + 1) receives ON_MAP, KNOWN, CLOSED, added.
-        boxes: (n, TREADS + 1) receives how many boxes were bounded.
+        bracket: (n, TREADS + 1, 2) filled with the lower and upper bound of each gap and of the clearance, m; NaN if unknown.
+        flags: (n, TREADS + 1) filled with ON_MAP, KNOWN, CLOSED, added.
+        boxes: (n, TREADS + 1) filled with how many boxes were bounded.
         start: first pose.
         stop: one past the last pose.
     """

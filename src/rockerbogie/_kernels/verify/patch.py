@@ -40,7 +40,7 @@ def evaluate_point(patch: Array, a: float, b: float, w: Array) -> None:
         patch: (PATCH_SIZE,).
         a: parameter.
         b: parameter.
-        w: (WORK_SIZE,) receives P, N, T.
+        w: (WORK_SIZE,) filled with P, N, T.
     """
     if patch[ROUND] != 0.0:
         c, s = math.cos(a), math.sin(a)
@@ -79,7 +79,7 @@ def keep_point(field: Field, patch: Array, w: Array, a: float, b: float) -> None
     Args:
         field: the terrain.
         patch: (PATCH_SIZE,).
-        w: (WORK_SIZE,) BEST is updated.
+        w: (WORK_SIZE,) BEST is replaced.
         a: parameter, limited to the patch.
         b: parameter, limited to the patch.
     """
@@ -206,7 +206,7 @@ def least_in_box(ga: float, gb: float, faa: float, fab: float, fbb: float, da: f
 
 @njit
 def least_at(g: float, k: float, d: float) -> float:
-    """Return where g t + k t^2 / 2 is lowest over |t| <= d.
+    """Return the t at which g t + k t^2 / 2 is lowest over |t| <= d, for bounds over a part.
 
     Args:
         g: slope at t = 0.

@@ -325,7 +325,7 @@ def spread_range(out: Array, at: int, low: float, high: float, value: float, cha
     """Write the middle and half of [low, high] intersected with value ± change.
 
     Args:
-        out: receives them at indices `at` and `at` + 1.
+        out: filled with them at indices `at` and `at` + 1.
         at: index.
         low: lower end.
         high: upper end.

@@ -263,7 +263,7 @@ def _leg(rover: Rover, wheel: int, start: Array, pivot: Array) -> tuple[list[Sol
         pivot: (3,) m.
 
     Returns:
-        Solids of the arm and of the joints.
+        Solids of the arm, and of its other parts: steering drive, or stub axle and elbow.
     """
     t, hub = tube_radius(rover), rover.hubs[wheel] - pivot
     if rover.steers[wheel]:

@@ -261,7 +261,10 @@ def _wheels(columns: dict[str, Array]) -> tuple[list[Wheel], Array]:
 
 
 def _residuals(soil: Soil, columns: dict[str, Array], wheels: tuple[list[Wheel], Array], gravity: float) -> TrialResiduals:
-    """Return the residuals of columns of trials."""
+    """Return computed minus measured values of trials: forces over load, and sinkage, m.
+
+    A value that cannot be computed counts as 1000 (N or m).
+    """
     laws = np.array([soil.packed(wheel, gravity) for wheel in wheels[0]])
     n = columns["load"].size
     out, status = np.empty((n, lay.OUTPUTS)), np.empty(n, dtype=np.uint8)

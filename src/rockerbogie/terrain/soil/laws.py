@@ -312,10 +312,12 @@ class Soil:
         return float((self.cohesion * self.kc + weight * width * self.kphi) / width**self.exponent)
 
     def rut_hardening(self, passes: int) -> float:
-        """Return the factor on the stiffness in a rut, so that its depth grows as passes^(1/a).
+        """Return the factor on the stiffness for a pass in a rut.
+
+        By it the depth of the rut grows as passes^(1 / rut_exponent).
 
         Args:
-            passes: 1 on undisturbed soil.
+            passes: number of the pass, 1 on undisturbed soil.
 
         Returns:
             At least 1.
