@@ -13,6 +13,7 @@ from scipy.optimize import lsq_linear
 import rockerbogie as rb
 from rockerbogie._kernels.model import ground, tolerances, wheel
 from rockerbogie._kernels.search import bilinear_rim, cubic_derivatives, cubic_parts, cubic_rim, cubic_tread
+from rockerbogie._kernels.search.minima import Minima
 
 Array = NDArray[np.float64]
 
@@ -269,7 +270,7 @@ def test_newton_converges_at_the_ends_of_a_tread(steep: float, middle: float) ->
     lowest, side = np.full(wheel.CONTACT_SIZE, math.inf), math.copysign(1.0, steep)
     part = middle * radius * side, 0.0, 0.5 * radius if middle else radius, 0.1
     none = np.empty((0, wheel.CONTACT_SIZE))
-    assert cubic_tread._convex_part(c, meta, w, 1.0, *part, lowest, -math.inf, none, 0) == 0
+    assert cubic_tread._convex_part(c, meta, w, 1.0, *part, Minima(lowest, -math.inf, none), 0) == 0
     best = steep / math.hypot(1.0, steep)  # sin φ of the minimum, limited to the part
     sine = side * max(abs(best), middle - 0.5 if middle else 0.0)
     hub, _, _, _, _, _ = ground.surface(c, meta, 2.0, 2.0)

@@ -8,40 +8,51 @@ rims (`bilinear_rim`).
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..jit.decorators import njit
 from ..model.tolerances import CELL_MARGIN, GAP_TIE
-from ..model.wheel import AZ, CELL, COS, EX, EY, GAP, HALF, HZ, PLACE, PLANE, RADIUS, TAN, VX, VY, keep_lower_contact
+from ..model.wheel import AZ, CELL, COS, EX, EY, GAP, HALF, HZ, PLACE, PLANE, RADIUS, TAN, VX, VY
 from .bilinear_rim import search_rim
+from .minima import Minima, keep_lower_contact
 
 Array = NDArray[np.float64]
 
 
+class FlatCell(NamedTuple):
+    """A bilinear cell. All values are in m."""
+
+    a: float  # heights at its corners: low x and y
+    b: float  # high x, low y
+    d: float  # low x, high y
+    e: float  # high x and y
+    x0: float  # its low corner from the wheel's hub
+    y0: float
+    dx: float  # its sizes
+    dy: float
+
+
 @njit
-def search_flat_cell(
-    w: Array, a: float, b: float, d: float, e: float, x0: float, y0: float, dx: float, dy: float,
-    far_x: float, far_y: float, follow: bool,
-    lowest: Array, keep: float, contacts: Array, count: int,
-) -> int:  # fmt: skip
+def search_flat_cell(w: Array, cell: FlatCell, far_x: float, far_y: float, follow: bool, found: Minima, count: int) -> int:
     """Find the local minima of the gap over a bilinear cell.
 
     PLANE must hold a plane that is nowhere above the tread.
 
     Args:
         w: (WHEEL_SIZE,) wheel; CELL is filled.
-        a, b, d, e: m, heights at the cell's corners: low and high x at low y, low and high x at high y.
-        x0, y0: m, its low corner from the hub.
-        dx, dy: m, its sizes.
+        cell: the cell.
         far_x, far_y: m, reach of the wheel from its hub.
         follow: True to search only the rim of the tracked contact, or the tread's inside.
-        lowest, keep, contacts, count: as `wheel.keep_lower_contact` takes them.
+        found, count: as `minima.keep_lower_contact` takes them.
 
     Returns:
         The new count.
     """
+    a, b, d, e, x0, y0, dx, dy = cell
+    lowest, keep, _ = found
     sx, sy, twist = (b - a) / dx, (d - a) / dy, (a - b - d + e) / (dx * dy)
     w[CELL + 3] = twist
     w[CELL + 1], w[CELL + 2] = sx - twist * y0, sy - twist * x0
@@ -56,36 +67,36 @@ def search_flat_cell(
         pe = low + w[PLANE + 1] * dx + w[PLANE + 2] * dy - e
         limit = max(lowest[GAP] - GAP_TIE, keep)
         if min(pa, pb) < limit and abs(y0) <= far_y:
-            count = _edge(w, x0, y0, 1.0, 0.0, dx, a, sx, lowest, keep, contacts, count)
+            count = _edge(w, x0, y0, 1.0, 0.0, dx, a, sx, found, count)
         if min(pa, pd) < limit and abs(x0) <= far_x:
-            count = _edge(w, x0, y0, 0.0, 1.0, dy, a, sy, lowest, keep, contacts, count)
+            count = _edge(w, x0, y0, 0.0, 1.0, dy, a, sy, found, count)
         if min(pd, pe) < limit and abs(y1) <= far_y:
-            count = _edge(w, x0, y1, 1.0, 0.0, dx, d, (e - d) / dx, lowest, keep, contacts, count)
+            count = _edge(w, x0, y1, 1.0, 0.0, dx, d, (e - d) / dx, found, count)
         if min(pb, pe) < limit and abs(x1) <= far_x:
-            count = _edge(w, x1, y0, 0.0, 1.0, dy, b, (e - b) / dy, lowest, keep, contacts, count)
-        count = _inside(w, x0, x1, y0, y1, lowest, keep, contacts, count)
+            count = _edge(w, x1, y0, 0.0, 1.0, dy, b, (e - b) / dy, found, count)
+        count = _inside(w, x0, x1, y0, y1, found, count)
         if follow:
             return count
         if w[HZ] - half * abs(w[AZ]) - top < max(lowest[GAP], keep):
             # terrain as high as the axle: the minimum may be on the tread's upper side, over a corner
-            count = _inside_tread(w, -1.0, x0, y0, a, lowest, keep, contacts, count)
-            count = _inside_tread(w, -1.0, x1, y0, b, lowest, keep, contacts, count)
-            count = _inside_tread(w, -1.0, x0, y1, d, lowest, keep, contacts, count)
-            count = _inside_tread(w, -1.0, x1, y1, e, lowest, keep, contacts, count)
+            count = _inside_tread(w, -1.0, x0, y0, a, found, count)
+            count = _inside_tread(w, -1.0, x1, y0, b, found, count)
+            count = _inside_tread(w, -1.0, x0, y1, d, found, count)
+            count = _inside_tread(w, -1.0, x1, y1, e, found, count)
     # a rim matters where it passes over the cell
     middle = (x0 + 0.5 * dx) * w[VX] + (y0 + 0.5 * dy) * w[VY]
     near = 0.5 * (dx * abs(w[VX]) + dy * abs(w[VY])) + w[RADIUS] * abs(w[AZ]) + CELL_MARGIN * (dx + dy)
     for side in range(1 if one_rim else 2):
         s = lowest[PLACE] if one_rim else (half if side == 0 else -half)
         if abs(s * w[COS] - middle) <= near:
-            count = search_rim(w, s, x0, x1, y0, y1, top, lowest, keep, contacts, count)
+            count = search_rim(w, s, x0, x1, y0, y1, top, found, count)
     return count
 
 
 @njit
 def _edge(
     w: Array, x: float, y: float, ex: float, ey: float, length: float, h0: float, rise: float,
-    lowest: Array, keep: float, contacts: Array, count: int,
+    found: Minima, count: int,
 ) -> int:  # fmt: skip
     """Find the minimum of T - h inside the tread over a straight edge of the terrain.
 
@@ -95,7 +106,7 @@ def _edge(
         ex, ey: its direction.
         length: m.
         h0, rise: m and slope: the edge's height is h0 + rise t.
-        lowest, keep, contacts, count: as `wheel.keep_lower_contact` takes them.
+        found, count: as `minima.keep_lower_contact` takes them.
 
     Returns:
         The new count.
@@ -109,13 +120,11 @@ def _edge(
     else:
         t = length if rise > dv * w[TAN] else 0.0
     t = min(max(t, 0.0), length)
-    return _inside_tread(w, 1.0, x + t * ex, y + t * ey, h0 + rise * t, lowest, keep, contacts, count)
+    return _inside_tread(w, 1.0, x + t * ex, y + t * ey, h0 + rise * t, found, count)
 
 
 @njit
-def _inside_tread(
-    w: Array, sign: float, x: float, y: float, h: float, lowest: Array, keep: float, contacts: Array, count: int
-) -> int:
+def _inside_tread(w: Array, sign: float, x: float, y: float, h: float, found: Minima, count: int) -> int:
     """Keep the tread's point over a position, if there is one.
 
     Args:
@@ -123,7 +132,7 @@ def _inside_tread(
         sign: 1 for the tread's lower side, -1 for its upper side.
         x, y: m, the position from the hub.
         h: m, the terrain's height there.
-        lowest, keep, contacts, count: as `wheel.keep_lower_contact` takes them.
+        found, count: as `minima.keep_lower_contact` takes them.
 
     Returns:
         The new count.
@@ -135,12 +144,12 @@ def _inside_tread(
         q = sign * math.sqrt(square)
         s = (v - q * w[AZ]) / w[COS]
         if abs(s) <= w[HALF]:
-            return keep_lower_contact(w, lowest, w[HZ] + v * w[TAN] - q / w[COS] - h, u / r, q / r, s, keep, contacts, count)
+            return keep_lower_contact(w, found, w[HZ] + v * w[TAN] - q / w[COS] - h, u / r, q / r, s, count)
     return count
 
 
 @njit
-def _inside(w: Array, x0: float, x1: float, y0: float, y1: float, lowest: Array, keep: float, contacts: Array, count: int) -> int:
+def _inside(w: Array, x0: float, x1: float, y0: float, y1: float, found: Minima, count: int) -> int:
     """Find the minima of T - h inside a twisted cell.
 
     There are none unless the cell is concave along the axle: h_vv < 0.
@@ -148,7 +157,7 @@ def _inside(w: Array, x0: float, x1: float, y0: float, y1: float, lowest: Array,
     Args:
         w: (WHEEL_SIZE,) wheel; CELL holds the terrain.
         x0, x1, y0, y1: m, the cell from the hub.
-        lowest, keep, contacts, count: as `wheel.keep_lower_contact` takes them.
+        found, count: as `minima.keep_lower_contact` takes them.
 
     Returns:
         The new count.
@@ -208,5 +217,5 @@ def _inside(w: Array, x0: float, x1: float, y0: float, y1: float, lowest: Array,
                     break
             x, y = px * u + mx, py * u + my
             h = w[CELL] + w[CELL + 1] * x + w[CELL + 2] * y + w[CELL + 3] * x * y
-            count = _inside_tread(w, 1.0, x, y, h, lowest, keep, contacts, count)
+            count = _inside_tread(w, 1.0, x, y, h, found, count)
     return count

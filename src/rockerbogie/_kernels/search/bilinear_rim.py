@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from ..jit.decorators import force_inlined, inlined, njit
 from ..model.tolerances import CELL_MARGIN, GAP_TIE
-from ..model.wheel import AX, AY, AZ, CELL, EX, EY, GAP, HZ, RADIUS, UX, UY, UZ, keep_lower_contact, tread_point
+from ..model.wheel import AX, AY, AZ, CELL, EX, EY, GAP, HZ, RADIUS, UX, UY, UZ, tread_point
+from .minima import Minima, keep_lower_contact
 from .rim_pieces import HALVES, ends_of, rim_over_cell
 
 Array = NDArray[np.float64]
@@ -21,7 +22,7 @@ Array = NDArray[np.float64]
 @force_inlined
 def search_rim(
     w: Array, s: float, x0: float, x1: float, y0: float, y1: float, top: float,
-    lowest: Array, keep: float, contacts: Array, count: int,
+    found: Minima, count: int,
 ) -> int:  # fmt: skip
     """Find the local minima of a rim over a cell.
 
@@ -34,18 +35,19 @@ def search_rim(
         s: m, position of the rim along the axle.
         x0, x1, y0, y1: m, the cell from the hub.
         top: m, its highest corner.
-        lowest, keep, contacts, count: as `wheel.keep_lower_contact` takes them.
+        found, count: as `minima.keep_lower_contact` takes them.
 
     Returns:
         The new count.
     """
+    lowest, keep, _ = found
     gx, gy = w[CELL + 1] + w[CELL + 3] * s * w[AY], w[CELL + 2] + w[CELL + 3] * s * w[AX]
     lean = abs(w[AZ])
     convex = w[UZ] - gx * w[UX] - gy * w[UY] > w[RADIUS] * (
         max(2.0 * w[CELL + 3] * w[EX] * w[EY], 0.0) + abs(w[CELL + 3]) * lean * (3.0 + lean)
     )
     if convex:
-        kept = _convex_rim(w, s, x0, x1, y0, y1, lowest, keep, contacts, count)
+        kept = _convex_rim(w, s, x0, x1, y0, y1, found, count)
         convex = kept >= 0
         count = max(count, kept)
     ends = ends_of(w)
@@ -59,25 +61,24 @@ def search_rim(
         for i in range(n):
             at = HALVES + 2 * i
             low, high = math.atan2(ends[at, 0], ends[at, 1]), math.atan2(ends[at + 1, 0], ends[at + 1, 1])
-            count = _arc(w, s, low, high if high >= low else high + 2.0 * math.pi, lowest, keep, contacts, count)
+            count = _arc(w, s, low, high if high >= low else high + 2.0 * math.pi, found, count)
     return count
 
 
 @force_inlined
-def _convex_rim(
-    w: Array, s: float, x0: float, x1: float, y0: float, y1: float, lowest: Array, keep: float, contacts: Array, count: int
-) -> int:
+def _convex_rim(w: Array, s: float, x0: float, x1: float, y0: float, y1: float, found: Minima, count: int) -> int:
     """Find the local minima of a rim's lower half over a cell where it is convex.
 
     Args:
         w: (WHEEL_SIZE,) wheel; CELL holds the terrain.
         s: m, position of the rim along the axle.
         x0, x1, y0, y1: m, the cell from the hub.
-        lowest, keep, contacts, count: as `wheel.keep_lower_contact` takes them.
+        found, count: as `minima.keep_lower_contact` takes them.
 
     Returns:
         The new count; -1 if Newton's method does not converge.
     """
+    lowest, keep, _ = found
     r = w[RADIUS]
     # the minimum over the cell's surface continued: exact without twist, else the start of Newton's method
     x, y = s * w[AX], s * w[AY]
@@ -104,7 +105,7 @@ def _convex_rim(
     slack = CELL_MARGIN * (x1 - x0 + y1 - y0)
     x, y, _ = tread_point(w, sine, cosine, s)
     if x0 - slack <= x <= x1 + slack and y0 - slack <= y <= y1 + slack:
-        return keep_lower_contact(w, lowest, least, sine, cosine, s, keep, contacts, count)
+        return keep_lower_contact(w, found, least, sine, cosine, s, count)
     # where it crosses the cell's sides, and does not fall further on the way in
     for axis in range(2):
         a, k, shift = (w[EX], -w[UX], s * w[AX]) if axis == 0 else (w[EY], -w[UY], s * w[AY])
@@ -127,7 +128,7 @@ def _convex_rim(
                     f, g, _ = _along(w, s, sine, cosine)
                     ahead = a * cosine - k * sine  # how the place across the side changes with φ
                     if (g if (ahead > 0.0) == (end == 0) else -g) >= 0.0:
-                        count = keep_lower_contact(w, lowest, f, sine, cosine, s, keep, contacts, count)
+                        count = keep_lower_contact(w, found, f, sine, cosine, s, count)
     return count
 
 
@@ -149,7 +150,7 @@ def _along(w: Array, s: float, sine: float, cosine: float) -> tuple[float, float
 
 
 @njit
-def _arc(w: Array, s: float, low: float, high: float, lowest: Array, keep: float, contacts: Array, count: int) -> int:
+def _arc(w: Array, s: float, low: float, high: float, found: Minima, count: int) -> int:
     """Find the local minima of the rim's height f above the cell's terrain on an arc.
 
     f is a trigonometric polynomial of degree 2: f'' is a sinusoid of φ plus one of 2 φ, and the sum of their minima is a lower
@@ -159,11 +160,12 @@ def _arc(w: Array, s: float, low: float, high: float, lowest: Array, keep: float
         w: (WHEEL_SIZE,) wheel; CELL holds the cell's terrain.
         s: m, position of the rim along the axle.
         low, high: rad.
-        lowest, keep, contacts, count: as `wheel.keep_lower_contact` takes them.
+        found, count: as `minima.keep_lower_contact` takes them.
 
     Returns:
         The new count.
     """
+    lowest, keep, _ = found
     r, c3 = w[RADIUS], w[CELL + 3]
     gx, gy = w[CELL + 1] + c3 * s * w[AY], w[CELL + 2] + c3 * s * w[AX]
     even, odd = r * (w[UZ] - gx * w[UX] - gy * w[UY]), r * (gx * w[EX] + gy * w[EY])
@@ -178,18 +180,18 @@ def _arc(w: Array, s: float, low: float, high: float, lowest: Array, keep: float
         slack = 0.5 * max(-curvature, 0.0) * length
         down, up = ga - slack, gb + slack  # slopes at a and b of f made convex: its tangents bound it from below
         if down >= 0.0:
-            count = keep_lower_contact(w, lowest, fa, math.sin(a), math.cos(a), s, keep, contacts, count)
+            count = keep_lower_contact(w, found, fa, math.sin(a), math.cos(a), s, count)
         elif up <= 0.0:
-            count = keep_lower_contact(w, lowest, fb, math.sin(b), math.cos(b), s, keep, contacts, count)
+            count = keep_lower_contact(w, found, fb, math.sin(b), math.cos(b), s, count)
         elif fa + down * (fb - fa - up * length) / (down - up) < max(lowest[GAP] - GAP_TIE, keep):
             if curvature > 0.0:
-                count = _convex_arc(w, s, a, b, ga, gb, lowest, keep, contacts, count)
+                count = _convex_arc(w, s, a, b, ga, gb, found, count)
             elif length > 1e-7:
                 b = 0.5 * (a + b)
                 continue
             else:
-                count = keep_lower_contact(w, lowest, fa, math.sin(a), math.cos(a), s, keep, contacts, count)
-                count = keep_lower_contact(w, lowest, fb, math.sin(b), math.cos(b), s, keep, contacts, count)
+                count = keep_lower_contact(w, found, fa, math.sin(a), math.cos(a), s, count)
+                count = keep_lower_contact(w, found, fb, math.sin(b), math.cos(b), s, count)
         a, fa, ga = b, fb, gb
         b = min(a + 2.0 * length, high)
     return count
@@ -211,9 +213,7 @@ def _least_of_wave(even: float, odd: float, a: float, b: float) -> float:
 
 
 @njit
-def _convex_arc(
-    w: Array, s: float, a: float, b: float, ga: float, gb: float, lowest: Array, keep: float, contacts: Array, count: int
-) -> int:
+def _convex_arc(w: Array, s: float, a: float, b: float, ga: float, gb: float, found: Minima, count: int) -> int:
     """Find the minimum of a convex arc that falls at a and rises at b.
 
     Args:
@@ -221,7 +221,7 @@ def _convex_arc(
         s: m, position of the rim along the axle.
         a, b: rad, the arc.
         ga, gb: m/rad, slopes at a and b.
-        lowest, keep, contacts, count: as `wheel.keep_lower_contact` takes them.
+        found, count: as `minima.keep_lower_contact` takes them.
 
     Returns:
         The new count.
@@ -241,4 +241,4 @@ def _convex_arc(
         t = new
         if done:
             break
-    return keep_lower_contact(w, lowest, f, math.sin(t), math.cos(t), s, keep, contacts, count)
+    return keep_lower_contact(w, found, f, math.sin(t), math.cos(t), s, count)

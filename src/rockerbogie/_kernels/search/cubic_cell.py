@@ -15,28 +15,28 @@ from ..model.tolerances import CELL_MARGIN, GAP_TIE
 from ..model.wheel import AZ, COS, GAP, HALF, HZ, RADIUS, VX, VY
 from .cubic_rim import search_arc
 from .cubic_tread import bound_part, search_inside
-from .rim_pieces import HALVES, ends_of, rim_over_cell
+from .minima import Minima
+from .rim_pieces import HALVES, Part, ends_of, rim_over_cell
 
 Array = NDArray[np.float64]
 
 
 @njit
-def search_curved_cell(
-    grid: Array, meta: Array, w: Array, i: int, j: int, x0: float, x1: float, y0: float, y1: float,
-    lowest: Array, keep: float, contacts: Array, count: int,
-) -> int:  # fmt: skip
+def search_curved_cell(grid: Array, meta: Array, w: Array, i: int, j: int, part: Part, found: Minima, count: int) -> int:
     """Find the local minima of the gap over a part of a cubic cell.
 
     Args:
         grid, meta: cubic terrain (ground.py).
         w: (WHEEL_SIZE,) wheel.
         i, j: column and row of the cell.
-        x0, x1, y0, y1: m, the part from the hub.
-        lowest, keep, contacts, count: as `wheel.keep_lower_contact` takes them.
+        part: the part.
+        found, count: as `minima.keep_lower_contact` takes them.
 
     Returns:
         The new count; -1 if the cell is missing.
     """
+    lowest, keep, _ = found
+    x0, x1, y0, y1 = part
     ends = ends_of(w)
     low, _, _ = bound_part(grid, meta, w, 1.0, i, j, 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (x1 - x0), 0.5 * (y1 - y0))
     if math.isnan(low):
@@ -45,9 +45,9 @@ def search_curved_cell(
         return count
     half = w[HALF]
     if half > 0.0:
-        count = search_inside(grid, meta, w, i, j, 1.0, x0, x1, y0, y1, lowest, keep, contacts, count)
+        count = search_inside(grid, meta, w, i, j, 1.0, part, found, count)
         if not _upper_is_clear(grid, meta, w, -half if w[AZ] > 0.0 else half, i, j, max(lowest[GAP] - GAP_TIE, keep)):
-            count = search_inside(grid, meta, w, i, j, -1.0, x0, x1, y0, y1, lowest, keep, contacts, count)
+            count = search_inside(grid, meta, w, i, j, -1.0, part, found, count)
     across = 0.5 * (x0 + x1) * w[VX] + 0.5 * (y0 + y1) * w[VY]
     near = 0.5 * ((x1 - x0) * abs(w[VX]) + (y1 - y0) * abs(w[VY])) + w[RADIUS] * abs(w[AZ]) + CELL_MARGIN * (x1 - x0 + y1 - y0)
     for side in range(2 if half > 0.0 else 1):
@@ -65,7 +65,7 @@ def search_curved_cell(
                 high = math.atan2(ends[at + 1, 0], ends[at + 1, 1])
                 if high < low:
                     high += 2.0 * math.pi
-                count = search_arc(grid, meta, w, i, j, s, low, high, lowest, keep, contacts, count)
+                count = search_arc(grid, meta, w, i, j, s, low, high, found, count)
     return count
 
 

@@ -33,10 +33,10 @@ from ..model.wheel import (
     UX,
     UY,
     UZ,
-    keep_lower_contact,
 )
 from .cubic_derivatives import DERIVATIVES_SIZE, XX, XY, YY
 from .cubic_patch import BOUNDS_SIZE, XX_HIGH, XY_HIGH, YY_HIGH, bound_differences, bound_patch
+from .minima import Minima, keep_lower_contact
 
 Array = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ THINNEST = 1e-6  # of a cell: a rectangle around an arc is not made smaller alon
 @njit
 def search_arc(
     grid: Array, meta: Array, w: Array, i: int, j: int, s: float, low: float, high: float,
-    lowest: Array, keep: float, contacts: Array, count: int,
+    found: Minima, count: int,
 ) -> int:  # fmt: skip
     """Find the local minima of a rim's height above the terrain on an arc in one cell.
 
@@ -59,11 +59,13 @@ def search_arc(
         i, j: column and row of the cell.
         s: m, position of the rim along the axle.
         low, high: rad, the arc's ends.
-        lowest, keep, contacts, count: as `wheel.keep_lower_contact` takes them.
+        found, count: as `minima.keep_lower_contact` takes them.
 
     Returns:
         The new count.
     """
+    lowest, keep, contacts = found
+    unlisted = Minima(lowest, -math.inf, contacts)
     a, b = low, high
     sa, ca = math.sin(a), math.cos(a)
     fa, ga, _, gx, gy = _along(grid, meta, w, sa, ca, s)
@@ -76,18 +78,18 @@ def search_arc(
         slack = 0.5 * max(-curvature, 0.0) * length
         down, up = ga - slack, gb + slack  # slopes of f made convex: its tangents at a and b bound it from below
         if down >= 0.0:  # the end of a piece is a minimum only if the arc ends there or is level
-            count = keep_lower_contact(w, lowest, fa, sa, ca, s, keep if a == low or ga == 0.0 else -math.inf, contacts, count)
+            count = keep_lower_contact(w, found if a == low or ga == 0.0 else unlisted, fa, sa, ca, s, count)
         elif up <= 0.0:
-            count = keep_lower_contact(w, lowest, fb, sb, cb, s, keep if b == high or gb == 0.0 else -math.inf, contacts, count)
+            count = keep_lower_contact(w, found if b == high or gb == 0.0 else unlisted, fb, sb, cb, s, count)
         elif fa + down * (fb - fa - up * length) / (down - up) < max(lowest[GAP] - GAP_TIE, keep):
             if curvature > 0.0:
-                count = _convex_arc(grid, meta, w, s, a, b, ga, gb, lowest, keep, contacts, count)
+                count = _convex_arc(grid, meta, w, s, a, b, ga, gb, found, count)
             elif length > 1e-7:
                 b = 0.5 * (a + b)
                 continue
             else:
-                count = keep_lower_contact(w, lowest, fa, sa, ca, s, keep, contacts, count)
-                count = keep_lower_contact(w, lowest, fb, sb, cb, s, keep, contacts, count)
+                count = keep_lower_contact(w, found, fa, sa, ca, s, count)
+                count = keep_lower_contact(w, found, fb, sb, cb, s, count)
         a, sa, ca, fa, ga, gx, gy = b, sb, cb, fb, gb, next_gx, next_gy
         b = min(a + 2.0 * length, high)
     return count
@@ -185,7 +187,7 @@ def _derivatives_on_arc(
 @njit
 def _convex_arc(
     grid: Array, meta: Array, w: Array, s: float, a: float, b: float, ga: float, gb: float,
-    lowest: Array, keep: float, contacts: Array, count: int,
+    found: Minima, count: int,
 ) -> int:  # fmt: skip
     """Find the minimum of a convex arc that falls at a and rises at b.
 
@@ -197,7 +199,7 @@ def _convex_arc(
         s: m, position of the rim along the axle.
         a, b: rad, the arc's ends.
         ga, gb: m/rad, its slopes there.
-        lowest, keep, contacts, count: as `wheel.keep_lower_contact` takes them.
+        found, count: as `minima.keep_lower_contact` takes them.
 
     Returns:
         The new count.
@@ -217,7 +219,7 @@ def _convex_arc(
         t = new
         if done:
             break
-    return keep_lower_contact(w, lowest, f, math.sin(t), math.cos(t), s, keep, contacts, count)
+    return keep_lower_contact(w, found, f, math.sin(t), math.cos(t), s, count)
 
 
 @njit

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..jit.decorators import inlined, njit
 from ..model.ground import META_DX, META_DY, surface
 from ..model.tolerances import GAP_TIE, MIN_CONCAVITY, MIN_DECREASE
-from ..model.wheel import AZ, COS, EX, EY, GAP, HALF, HX, HY, HZ, PATCH, RADIUS, TAN, VX, VY, keep_lower_contact
+from ..model.wheel import AZ, COS, EX, EY, GAP, HALF, HX, HY, HZ, PATCH, RADIUS, TAN, VX, VY
 from .cubic_parts import bounded_step, next_part
 from .cubic_patch import (
     BOUNDS_SIZE,
@@ -32,6 +32,8 @@ from .cubic_patch import (
     bound_patch,
     lowest_over_bowl,
 )
+from .minima import Minima, keep_lower_contact
+from .rim_pieces import Part
 
 Array = NDArray[np.float64]
 
@@ -43,9 +45,8 @@ UNDECIDED, CLOSED, CONVEX = range(3)
 
 @njit
 def search_inside(
-    grid: Array, meta: Array, w: Array, col: int, row: int, side: float, x0: float, x1: float, y0: float, y1: float,
-    lowest: Array, keep: float, contacts: Array, count: int,
-) -> int:  # fmt: skip
+    grid: Array, meta: Array, w: Array, col: int, row: int, side: float, part: Part, found: Minima, count: int
+) -> int:
     """List the local minima of f = T - h inside the tread, over a part of a cubic cell.
 
     Over (u, v) the tread's lower (side 1) or upper half (side -1) has the height
@@ -57,12 +58,14 @@ def search_inside(
         w: (WHEEL_SIZE,) wheel.
         col, row: the cell.
         side: 1 for the tread's lower half, -1 for its upper half.
-        x0, x1, y0, y1: m, the part from the hub.
-        lowest, keep, contacts, count: as `keep_lower_contact` takes them.
+        part: the part.
+        found, count: as `minima.keep_lower_contact` takes them.
 
     Returns:
         count, with the minima kept.
     """
+    lowest, keep, _ = found
+    x0, x1, y0, y1 = part
     r, reach = w[RADIUS], w[HALF] * w[COS]
     vx, vy, ex, ey = w[VX], w[VY], w[EX], w[EY]
     lean = side * w[AZ]
@@ -81,14 +84,14 @@ def search_inside(
             verdict = _decide(grid, meta, w, side, col, row, x, y, rx, ry, max(lowest[GAP] - GAP_TIE, keep))
             kept = -1
             if verdict == CONVEX:
-                kept = _convex_part(grid, meta, w, side, x, y, rx, ry, lowest, keep, contacts, count)
+                kept = _convex_part(grid, meta, w, side, x, y, rx, ry, found, count)
             if kept >= 0:
                 count = kept
             elif verdict != CLOSED and level < FINEST:
                 split = True
             elif verdict != CLOSED and abs(u) < r:
                 h = surface(grid, meta, w[HX] + x, w[HY] + y)[0]
-                count = _keep_lower_inside(w, side, u, v, h, lowest, keep, contacts, count)
+                count = _keep_lower_inside(w, side, u, v, h, found, count)
         if split:
             level, i, j = level + 1, 2 * i, 2 * j
             rx, ry = 0.5 * rx, 0.5 * ry
@@ -251,7 +254,7 @@ def _bowl_slope(w: Array, u: float) -> float:
 @njit
 def _convex_part(
     grid: Array, meta: Array, w: Array, side: float, xm: float, ym: float, rx: float, ry: float,
-    lowest: Array, keep: float, contacts: Array, count: int,
+    found: Minima, count: int,
 ) -> int:  # fmt: skip
     """Find the minimum of f = T - h over a part where it is convex.
 
@@ -267,11 +270,13 @@ def _convex_part(
         w: (WHEEL_SIZE,) wheel.
         side: 1 for the tread's lower half, -1 for its upper half.
         xm, ym, rx, ry: middle and half sizes of the part, m from the hub.
-        lowest, keep, contacts, count: as `keep_lower_contact` takes them.
+        found, count: as `minima.keep_lower_contact` takes them.
 
     Returns:
         count, or -1 if Newton did not converge: the part is to be quartered.
     """
+    lowest, keep, contacts = found
+    unlisted = Minima(lowest, -math.inf, contacts)
     r, ex, ey = w[RADIUS], w[EX], w[EY]
     even_x, even_y = 0.25 * GAP_TIE / (rx * rx), 0.25 * GAP_TIE / (ry * ry)
     rim = r * (1.0 - TREAD_END)
@@ -302,10 +307,10 @@ def _convex_part(
             u, v = (xm + new_a) * ex + (ym + new_b) * ey, (xm + new_a) * w[VX] + (ym + new_b) * w[VY]
             if abs(u) <= rim:
                 h = surface(grid, meta, w[HX] + xm + new_a, w[HY] + ym + new_b)[0]
-                return _keep_lower_inside(w, side, u, v, h, lowest, keep, contacts, count)
+                return _keep_lower_inside(w, side, u, v, h, found, count)
         if decrease < MIN_DECREASE:
             # held at a side by a slope that may be rounding: no minimum to list, but a point of the tread all the same
-            return _keep_lower_inside(w, side, u, v, h, lowest, keep if held == 0 else -math.inf, contacts, count)
+            return _keep_lower_inside(w, side, u, v, h, found if held == 0 else unlisted, count)
         new_u = (xm + new_a) * ex + (ym + new_b) * ey
         if abs(new_u) > rim:  # beyond the tread's end: go where T is 10 times as steep
             end = math.copysign(max(math.sqrt(r * r - 0.01 * q * q), abs(u)), new_u)
@@ -340,9 +345,7 @@ def _secant_curvature(w: Array, u: float, t_u: float, t_uu: float, slope: float,
 
 
 @inlined
-def _keep_lower_inside(
-    w: Array, side: float, u: float, v: float, h: float, lowest: Array, keep: float, contacts: Array, count: int
-) -> int:
+def _keep_lower_inside(w: Array, side: float, u: float, v: float, h: float, found: Minima, count: int) -> int:
     """Keep the tread's point over (u, v), if there is one.
 
     Args:
@@ -350,7 +353,7 @@ def _keep_lower_inside(
         side: 1 for the tread's lower half, -1 for its upper half.
         u, v: m from the hub along e1 and the axle's horizontal direction; |u| is less than the radius.
         h: m, the terrain's height there.
-        lowest, keep, contacts, count: as `wheel.keep_lower_contact` takes them.
+        found, count: as `minima.keep_lower_contact` takes them.
 
     Returns:
         The new count.
@@ -359,5 +362,5 @@ def _keep_lower_inside(
     q = side * math.sqrt(r * r - u * u)
     s = (v - q * w[AZ]) / w[COS]
     if abs(s) <= w[HALF]:
-        count = keep_lower_contact(w, lowest, w[HZ] + v * w[TAN] - q / w[COS] - h, u / r, q / r, s, keep, contacts, count)
+        count = keep_lower_contact(w, found, w[HZ] + v * w[TAN] - q / w[COS] - h, u / r, q / r, s, count)
     return count

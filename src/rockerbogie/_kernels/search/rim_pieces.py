@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,16 @@ from ..model.wheel import (
 )
 
 Array = NDArray[np.float64]
+
+
+class Part(NamedTuple):
+    """A part of a cell, m from the wheel's hub."""
+
+    x0: float
+    x1: float
+    y0: float
+    y1: float
+
 
 HALVES = 10  # crossings of one half of a rim with four lines, and its two ends
 

@@ -44,9 +44,11 @@ from ..model.wheel import (  # fmt: skip
     gap_at,
     tread_point,
 )
-from .bilinear_cell import search_flat_cell
+from .bilinear_cell import FlatCell, search_flat_cell
 from .cubic_cell import search_curved_cell
 from .cubic_rim import follow_smooth
+from .minima import Minima
+from .rim_pieces import Part
 
 Array = NDArray[np.float64]
 
@@ -132,13 +134,12 @@ def tangent_plane(w: Array, sine: float) -> None:
 
 
 def _search_curved(
-    ground: Ground, w: Array, i: int, j: int, far_x: float, far_y: float, follow: bool, keep: float,
-    lowest: Array, contacts: Array, count: int,
-) -> int:  # fmt: skip
+    ground: Ground, w: Array, i: int, j: int, far_x: float, far_y: float, follow: bool, found: Minima, count: int
+) -> int:
     """Search a cell of cubic terrain for local minima of the gap, as `_search_cell`.
 
     Args:
-        ground, w, i, j, far_x, far_y, follow, keep, lowest, contacts, count: as `_search_cell` takes them.
+        ground, w, i, j, far_x, far_y, follow, found, count: as `_search_cell` takes them.
 
     Returns:
         The new count; -1 if the cell is missing.
@@ -146,20 +147,17 @@ def _search_curved(
     grid, _, meta = ground
     dx, dy = meta[META_DX], meta[META_DY]
     x0, y0 = i * dx - w[HX], j * dy - w[HY]
-    return search_curved_cell(
-        grid, meta, w, i, j, max(x0, -far_x), min(x0 + dx, far_x), max(y0, -far_y), min(y0 + dy, far_y),
-        lowest, keep, contacts, count,
-    )  # fmt: skip
+    part = Part(max(x0, -far_x), min(x0 + dx, far_x), max(y0, -far_y), min(y0 + dy, far_y))
+    return search_curved_cell(grid, meta, w, i, j, part, found, count)
 
 
 def _search_flat(
-    ground: Ground, w: Array, i: int, j: int, far_x: float, far_y: float, follow: bool, keep: float,
-    lowest: Array, contacts: Array, count: int,
-) -> int:  # fmt: skip
+    ground: Ground, w: Array, i: int, j: int, far_x: float, far_y: float, follow: bool, found: Minima, count: int
+) -> int:
     """Search a cell of bilinear terrain for local minima of the gap, as `_search_cell`.
 
     Args:
-        ground, w, i, j, far_x, far_y, follow, keep, lowest, contacts, count: as `_search_cell` takes them.
+        ground, w, i, j, far_x, far_y, follow, found, count: as `_search_cell` takes them.
 
     Returns:
         The new count; -1 if the cell is missing.
@@ -169,15 +167,13 @@ def _search_flat(
     a, b, d, e = grid[j, i], grid[j, i + 1], grid[j + 1, i], grid[j + 1, i + 1]
     if math.isnan(a + b + d + e):
         return -1
-    return search_flat_cell(
-        w, a, b, d, e, i * dx - w[HX], j * dy - w[HY], dx, dy, far_x, far_y, follow, lowest, keep, contacts, count
-    )
+    cell = FlatCell(a, b, d, e, i * dx - w[HX], j * dy - w[HY], dx, dy)
+    return search_flat_cell(w, cell, far_x, far_y, follow, found, count)
 
 
 def _search_cell(
-    ground: Ground, w: Array, i: int, j: int, far_x: float, far_y: float, follow: bool, keep: float,
-    lowest: Array, contacts: Array, count: int,
-) -> int:  # fmt: skip
+    ground: Ground, w: Array, i: int, j: int, far_x: float, far_y: float, follow: bool, found: Minima, count: int
+) -> int:
     """Find the local minima of the gap over a cell.
 
     Args:
@@ -186,12 +182,12 @@ def _search_cell(
         i, j: column and row of the cell.
         far_x, far_y: m, reach of the wheel from its hub.
         follow: True to search only the rim of the tracked contact, or the tread's inside.
-        keep, lowest, contacts, count: as `wheel.keep_lower_contact` takes them.
+        found, count: as `minima.keep_lower_contact` takes them.
 
     Returns:
         The new count; -1 if the cell is missing.
     """
-    return _search_of(type(ground))(ground, w, i, j, far_x, far_y, follow, keep, lowest, contacts, count)
+    return _search_of(type(ground))(ground, w, i, j, far_x, far_y, follow, found, count)
 
 
 @specialize_on_ground(_search_cell)
@@ -247,6 +243,7 @@ def least_gap(
     smooth = half == 0.0 and keep < 0.0 and r * meta[META_MAX_CURVATURE] < SMOOTH
     if smooth and code == FOUND and follow_smooth(grid, meta, w, sine, cosine, lowest):
         return FOUND, 0
+    found = Minima(lowest, keep, contacts)
     # a tracked contact is searched in its cell alone
     lowest[GAP] = gap_at(grid, meta, w, sine, cosine, s) if whole else math.inf
     lowest[SIN], lowest[COSINE], lowest[PLACE] = sine, cosine, s
@@ -273,7 +270,7 @@ def least_gap(
     while True:
         while k < n:
             if not w[BOUND + k] >= max(lowest[GAP] - GAP_TIE, keep) and (first or j != wj or i + k != wi):
-                kept = _search_cell(ground, w, i + k, j, far_x, far_y, not whole, keep, lowest, contacts, count)
+                kept = _search_cell(ground, w, i + k, j, far_x, far_y, not whole, found, count)
                 if kept >= 0:
                     count = kept
                 elif code == FOUND and _covers_cell(w, i + k, j, dx, dy):
