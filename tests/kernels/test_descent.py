@@ -13,8 +13,9 @@ from rockerbogie._kernels.model import linkage
 from rockerbogie._kernels.model.ground import META_X, META_Y, META_Z
 from rockerbogie._kernels.search.workspace import WORK_SIZE, lay_out
 from rockerbogie._kernels.solve.descent import let_down
-from rockerbogie._kernels.solve.energy import CONSTRAINTS, ROWS
-from rockerbogie._kernels.solve.site import Site, new_contacts, new_program
+from rockerbogie._kernels.solve.equilibrium import settle_equilibrium
+from rockerbogie._kernels.solve.forces import R_SIZE
+from rockerbogie._kernels.solve.site import MEMORY_SIZE, OWNERS, Site, lay_out_memory
 from rockerbogie._kernels.solve.six_wheels import SIX_SIZE, lay_out_six
 from support import oracle
 from support.helpers import assert_close
@@ -76,13 +77,15 @@ def lowered(rover: rb.Rover, terrain: rb.Terrain, x: float, y: float, yaw: float
     meta = terrain.packed.meta
     buffer, room, q = np.zeros(WORK_SIZE), np.zeros(SIX_SIZE), np.zeros(6)
     work, six = lay_out(buffer), lay_out_six(room)
-    contacts, program = new_contacts(ROWS), new_program(CONSTRAINTS)
+    memory_buffer, owners = np.empty(MEMORY_SIZE), np.empty(OWNERS, np.int64)
+    contacts, _, program = lay_out_memory(memory_buffer, owners)
     linkage.set_hub_offsets(rover.packed, np.zeros(6), work.hub_offsets)
     site = Site(terrain.packed, rover.packed, x - meta[META_X], y - meta[META_Y], math.cos(yaw), math.sin(yaw), work)
     code, count = let_down(site, q, six, contacts, program)
-    buffer[0] = room[0] = 0.0  # keep the buffers alive: `work` and `six` are unowned views of them
+    gap = contacts.gap[:count].copy()
+    buffer[0] = room[0] = memory_buffer[0] = owners[0] = 0  # keep the buffers alive: the other arrays are unowned views of them
     assert count >= 6
-    return q + [meta[META_Z], 0, 0, 0, 0, 0], code, contacts.gap[:count]
+    return q + [meta[META_Z], 0, 0, 0, 0, 0], code, gap
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -124,3 +127,27 @@ def test_no_small_motion_lowers_an_equilibrium(name: str) -> None:
         q[3:] = np.clip(q[3:], limits[[0, 2, 2]], limits[[1, 3, 3]])
         q[0] -= energy.gaps(q).min()
         assert energy(q) >= energy(pose.q) - 1e-9 * rover.wheelbase
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+def test_an_equilibrium_does_not_depend_on_what_its_memory_held(interpolation: str) -> None:
+    """Solve with scratch memory that holds zeros, large numbers and NaN: the same bits."""
+    rover = rb.load_rover("curiosity")
+    terrain = rb.surfaces.fractal(3, size=20.0, spacing=0.15, interpolation=interpolation)
+    meta = terrain.packed.meta
+    for x, y, yaw in np.random.default_rng(6).uniform(-4.0, 4.0, (6, 3)):
+        start = rb.settle(rover, terrain, x, y, yaw).q - [meta[META_Z], 0, 0, 0, 0, 0]
+        found = []
+        for held in (0.0, 1e3, math.nan):
+            buffers = [np.full(size, held) for size in (WORK_SIZE, SIX_SIZE, MEMORY_SIZE)]
+            owners = np.full(OWNERS, 5)
+            work, six, memory = lay_out(buffers[0]), lay_out_six(buffers[1]), lay_out_memory(buffers[2], owners)
+            linkage.set_hub_offsets(rover.packed, np.zeros(6), work.hub_offsets)
+            six.q[:] = start
+            site = Site(terrain.packed, rover.packed, x - meta[META_X], y - meta[META_Y], math.cos(yaw), math.sin(yaw), work)
+            q, report = np.full(6, held), np.full(R_SIZE, held)
+            status = settle_equilibrium(site, q, report, six, memory)
+            for buffer in (*buffers, owners):  # keep the buffers alive: the other arrays are unowned views of them
+                buffer[0] = 0
+            found.append((status, q.tobytes(), report.tobytes()))
+        assert found[0] == found[1] == found[2]

@@ -19,7 +19,7 @@ from ..search.workspace import WORK_SIZE, lay_out
 from ..solve.equilibrium import settle_equilibrium, settle_from_pose
 from ..solve.forces import R_SIZE
 from ..solve.newton import CONVERGED, covered
-from ..solve.site import Site
+from ..solve.site import MEMORY_SIZE, OWNERS, Site, lay_out_memory
 from ..solve.six_wheels import SIX_SIZE, lay_out_six
 
 Array = NDArray[np.float64]
@@ -46,16 +46,19 @@ def equilibrium_batch(
     """
     buffer = np.empty(WORK_SIZE)
     work, land, car, meta, q = lay_out(buffer), borrow(ground), unowned_view(rover), unowned_view(ground[2]), unowned_view(out)
-    room = np.empty(SIX_SIZE)
-    six = lay_out_six(room)
+    room, memory_buffer, owners = np.empty(SIX_SIZE), np.empty(MEMORY_SIZE), np.empty(OWNERS, np.int64)
+    six, memory = lay_out_six(room), lay_out_memory(memory_buffer, owners)
     for k in range(start, stop):
         set_hub_offsets(car, steering[k if steering.shape[0] > 1 else 0], work.hub_offsets)
         px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
         six.q[:] = q[k]
         six.q[Z] = q[k, Z] - meta[META_Z] if status[k] == CONVERGED else math.nan
-        status[k] = settle_equilibrium(Site(land, car, px, py, math.cos(yaw[k]), math.sin(yaw[k]), work), q[k], report[k], six)
+        status[k] = settle_equilibrium(
+            Site(land, car, px, py, math.cos(yaw[k]), math.sin(yaw[k]), work), q[k], report[k], six, memory
+        )
         q[k, Z] += meta[META_Z]
-    buffer[0] = room[0] = 0.0  # keep the buffers alive: `work` and `six` are unowned views of them
+    owners[0] = 0
+    buffer[0] = room[0] = memory_buffer[0] = 0.0  # keep the buffers alive: `work`, `six` and `memory` are unowned views of them
 
 
 @njit
@@ -80,6 +83,8 @@ def equilibrium_left(
     """
     buffer = np.empty(WORK_SIZE)
     work, land, car, meta, q = lay_out(buffer), borrow(ground), unowned_view(rover), unowned_view(ground[2]), unowned_view(out)
+    memory_buffer, owners = np.empty(MEMORY_SIZE), np.empty(OWNERS, np.int64)
+    memory = lay_out_memory(memory_buffer, owners)
     for n in range(start, stop):
         k = left[n]
         if math.isnan(q[k, Z]):
@@ -87,11 +92,13 @@ def equilibrium_left(
         set_hub_offsets(car, steering[k if steering.shape[0] > 1 else 0], work.hub_offsets)
         px, py = x[k] - meta[META_X], y[k] - meta[META_Y]
         q[k, Z] -= meta[META_Z]
-        code = settle_from_pose(Site(land, car, px, py, math.cos(yaw[k]), math.sin(yaw[k]), work), q[k], report[k])
+        site = Site(land, car, px, py, math.cos(yaw[k]), math.sin(yaw[k]), work)
+        code = settle_from_pose(site, q[k], report[k], memory)
         if not math.isnan(q[k, Z]):
             status[k] = code
             q[k, Z] += meta[META_Z]
-    buffer[0] = 0.0  # keep the buffer alive: `work` is an unowned view of it
+    owners[0] = 0
+    buffer[0] = memory_buffer[0] = 0.0  # keep the buffers alive: `work` and `memory` are unowned views of them
 
 
 @njit
@@ -117,8 +124,8 @@ def equilibrium_bridged(
     buffer = np.empty(WORK_SIZE)
     work, land, car, meta, q = lay_out(buffer), borrow(ground), unowned_view(rover), unowned_view(ground[2]), unowned_view(out)
     trial, forces, far = np.empty(6), np.empty(R_SIZE), reach(rover)
-    room = np.empty(SIX_SIZE)
-    six = lay_out_six(room)
+    room, memory_buffer, owners = np.empty(SIX_SIZE), np.empty(MEMORY_SIZE), np.empty(OWNERS, np.int64)
+    six, memory = lay_out_six(room), lay_out_memory(memory_buffer, owners)
     six.q[Z] = math.nan
     for n in range(start, stop):
         k = left[n]
@@ -127,9 +134,11 @@ def equilibrium_bridged(
         i0, i1, j0, j1 = cells_around(land, px, py, far)
         grid, missing = bridged_grid(land, i0, i1, j0, j1)
         if 0 < missing < grid.size:
-            code = settle_equilibrium(Site(with_grid(land, grid, j0, i0), car, px, py, cy, sy, work), trial, forces, six)
+            site = Site(with_grid(land, grid, j0, i0), car, px, py, cy, sy, work)
+            code = settle_equilibrium(site, trial, forces, six, memory)
             if not math.isnan(trial[Z]) and covered(land, car, px, py, cy, sy, trial, True, work):
                 status[k], q[k], report[k] = code, trial, forces
                 q[k, Z] += meta[META_Z]
             grid[0, 0] = 0.0  # keep the grid alive: the bridged terrain is an unowned view of it
-    buffer[0] = room[0] = 0.0  # keep the buffers alive: `work` and `six` are unowned views of them
+    owners[0] = 0
+    buffer[0] = room[0] = memory_buffer[0] = 0.0  # keep the buffers alive: `work`, `six` and `memory` are unowned views of them

@@ -110,7 +110,7 @@ def add_column(ways: Array, by_motion: Array, soil: bool, n: int, share: float, 
         soil: True for three channels, False for two.
         n: index of the rate.
         share: of the rate.
-        column: (9,) added to.
+        column: (9,) changed.
     """
     along, side = ways[0], ways[1]
     a, b = share * along[n], share * side[n]

@@ -12,13 +12,12 @@ from ..model.linkage import P_BOX, P_RADIUS, Z, forward_kinematics, gap_jacobian
 from ..model.wheel import COSINE, GAP, HX, HY, HZ, PLACE, RADIUS, SIN, contact_slope, tread_point
 from ..search.body_box import box_over_ground
 from ..search.box_points import N_GAP, N_GX, N_GY, N_X, N_Y, N_Z, NEAR_ROOM, NEAR_SIZE, least_clearance
-from ..search.tread import FOUND, ROOM, least_gap
+from ..search.tread import FOUND, least_gap
 from .site import Contacts, Site
 
 Array = NDArray[np.float64]
 
 NEAR = 0.05  # of the smallest wheel's radius: places whose gap exceeds a wheel's least by up to this are listed
-LISTED = 6 * (ROOM + 1) + NEAR_ROOM  # how many there may be
 
 
 @njit

@@ -17,22 +17,19 @@ from ..model.linkage import PITCH, ROLL, Z, forward_kinematics
 from ..model.mass import centre_of_mass
 from ..model.tolerances import MAX_RESIDUAL, MIN_ENERGY_DECREASE
 from ..search.tread import BLANK, FOUND
-from .contact_set import LISTED, touch_down
+from .contact_set import touch_down
 from .descent import FALLEN, build_constraints
 from .forces import classify_equilibrium, contact_forces
 from .hessian import bfgs_update, reset_hessian
 from .newton import NO_DATA, NOT_CONVERGED, OFF_MAP, TIPPED
 from .qp import invert, solve_qp
-from .site import Contacts, Program, Site, new_contacts
+from .site import CUTS, Contacts, Memory, Program, Site
 
 Array = NDArray[np.float64]
 
 PROGRAMS = 200  # quadratic programs of one pose, at most
 TRUST = 0.02  # first trust region, rad (and m)
 WIDEST = 0.3  # largest trust region, rad (and m)
-CUTS = 24  # contacts met by steps that were not taken, at most
-ROWS = LISTED + CUTS
-CONSTRAINTS = ROWS + 6 + 12
 
 
 @inlined
@@ -172,22 +169,22 @@ def append_cuts(cuts: Contacts, cut: int, contacts: Contacts, count: int) -> int
 
 
 @njit
-def minimize_energy(site: Site, q: Array, report: Array, contacts: Contacts, count: int, coverage: int, program: Program) -> int:
+def minimize_energy(site: Site, q: Array, report: Array, count: int, coverage: int, memory: Memory) -> int:
     """Move q to a minimum of the potential energy and compute the contact forces.
 
     Args:
         site: rover, position and terrain.
         q: (6,) a pose that just touches, replaced by the equilibrium, m and rad; NaN on failure.
         report: (R_SIZE,) forces and flags; written, NaN on failure.
-        contacts: room for ROWS contacts; those of q as `touch_down` lists them; overwritten.
-        count: number of contacts listed.
+        count: number of contacts of q.
         coverage: FOUND, or OFF or BLANK if the map's edge or missing data lies under q.
-        program: scratch for CONSTRAINTS constraints.
+        memory: its contacts are those of q as `touch_down` lists them; overwritten.
 
     Returns:
         Status code as `settle_equilibrium`.
     """
     _, rover, x, y, cy, sy, work = site
+    contacts, cuts, program = memory
     hub_offsets, axes, pivots = work.hub_offsets, work.axes, work.pivots
     d, force = program.d, program.force
     force[:] = 0.0
@@ -200,7 +197,6 @@ def minimize_energy(site: Site, q: Array, report: Array, contacts: Contacts, cou
     reset_hessian(hessian)
     trust_radius = TRUST
     blocked_by = FOUND  # OFF or BLANK if the map's edge or missing data stopped a step
-    cuts = new_contacts(CUTS)
     listed, cut, farthest_cut = count, 0, 0.0
     for _ in range(PROGRAMS):
         if not solve_step(rover, q, slope, hessian, contacts, count, trust_radius, copy, program):

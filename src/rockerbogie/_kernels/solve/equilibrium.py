@@ -26,10 +26,10 @@ from ..model.wheel import COSINE, PLACE, SIN
 from ..search.tread import BLANK
 from .contact_set import touch_down
 from .descent import FALLEN, SIX_WHEELS, let_down, start_level
-from .energy import CONSTRAINTS, ROWS, minimize_energy
+from .energy import minimize_energy
 from .forces import classify_equilibrium, contact_forces
 from .newton import CONVERGED, NO_DATA, OFF_MAP, TIPPED
-from .site import Contacts, Program, Site, new_contacts, new_program
+from .site import Contacts, Memory, Program, Site
 from .six_wheels import SixWheels, leads_straight, list_six
 
 Array = NDArray[np.float64]
@@ -49,6 +49,7 @@ def find_six_wheels(site: Site, report: Array, six: SixWheels, contacts: Contact
     if math.isnan(six.q[Z]):
         return
     rover, slope, force = site.rover, np.empty(6), program.force
+    force[:] = 0.0
     count = list_six(site, six, contacts, slope, force)
     if six.share[0] > 0.0:
         # more than one contact a wheel: the forces are those of the program, as in any other equilibrium
@@ -58,7 +59,7 @@ def find_six_wheels(site: Site, report: Array, six: SixWheels, contacts: Contact
 
 
 @njit
-def settle_equilibrium(site: Site, q: Array, report: Array, six: SixWheels) -> int:
+def settle_equilibrium(site: Site, q: Array, report: Array, six: SixWheels, memory: Memory) -> int:
     """Compute the equilibrium that the rover reaches on the descent from above.
 
     The descent starts horizontal and with straight joints. If the pose of contact mode is given and in balance, and the
@@ -69,12 +70,13 @@ def settle_equilibrium(site: Site, q: Array, report: Array, six: SixWheels) -> i
         q: (6,) z, roll, pitch, rocker and both bogies, m and rad; written, NaN on failure.
         report: (R_SIZE,) forces and flags; written, NaN on failure.
         six: scratch; six.q holds the pose of contact mode, NaN for none.
+        memory: scratch.
 
     Returns:
         Status code: CONVERGED, JOINT_STOP, WHEEL_LIFTED or BELLY_CONTACT at an equilibrium; otherwise OFF_MAP, NO_DATA,
         TIPPED or NOT_CONVERGED.
     """
-    contacts, program = new_contacts(ROWS), new_program(CONSTRAINTS)
+    contacts, _, program = memory
     find_six_wheels(site, report, six, contacts, program)
     if six.share[0] > 0.0:
         start_level(site.rover, q)
@@ -87,11 +89,11 @@ def settle_equilibrium(site: Site, q: Array, report: Array, six: SixWheels) -> i
         return CONVERGED
     if count < 0:
         return refuse(code, q, report)
-    return minimize_energy(site, q, report, contacts, count, code, program)
+    return minimize_energy(site, q, report, count, code, memory)
 
 
 @njit
-def settle_from_pose(site: Site, q: Array, report: Array) -> int:
+def settle_from_pose(site: Site, q: Array, report: Array, memory: Memory) -> int:
     """Compute the equilibrium that the exact solve reaches from a given pose.
 
     A joint beyond its limit starts at the limit. z is shifted so that the rover just touches the terrain.
@@ -100,11 +102,12 @@ def settle_from_pose(site: Site, q: Array, report: Array) -> int:
         site: rover, position and terrain.
         q: (6,) the start pose, replaced by the equilibrium, m and rad; NaN on failure.
         report: (R_SIZE,) forces and flags; written, NaN on failure.
+        memory: scratch.
 
     Returns:
         Status code as `settle_equilibrium`; TIPPED also if the start pose is tipped over.
     """
-    rover, touch, contacts, program = site.rover, site.work.touch, new_contacts(ROWS), new_program(CONSTRAINTS)
+    rover, touch = site.rover, site.work.touch
     code, count = -1, -1
     if max(abs(q[ROLL]), abs(q[PITCH])) <= FALLEN:
         for i in range(6):
@@ -112,10 +115,10 @@ def settle_from_pose(site: Site, q: Array, report: Array) -> int:
         for k in range(3):
             at = P_STOPS if k == 0 else P_STOPS + 2
             q[ROCKER + k] = min(max(q[ROCKER + k], rover[at]), rover[at + 1])
-        code, count = touch_down(site, q, True, contacts)
+        code, count = touch_down(site, q, True, memory.contacts)
     if count < 0:
         return refuse(code, q, report)
-    return minimize_energy(site, q, report, contacts, count, code, program)
+    return minimize_energy(site, q, report, count, code, memory)
 
 
 @inlined

@@ -8,10 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit.decorators import njit
+from ..jit.raw_views import unowned_view
 from ..model.ground import Ground
+from ..search.box_points import NEAR_ROOM
+from ..search.tread import ROOM
 from ..search.workspace import Work
 
 Array = NDArray[np.float64]
+
+LISTED = 6 * (ROOM + 1) + NEAR_ROOM  # contacts of a pose, at most
 
 
 class Site(NamedTuple):
@@ -44,21 +49,36 @@ class Program(NamedTuple):
     force: Array  # (k,) multipliers of the constraints
 
 
+class Memory(NamedTuple):
+    """Memory of the search for an equilibrium."""
+
+    contacts: Contacts  # room for ROWS
+    cuts: Contacts  # room for CUTS
+    program: Program  # room for CONSTRAINTS
+
+
+CUTS = 24  # contacts met by steps that were not taken, at most
+ROWS = LISTED + CUTS
+CONSTRAINTS = ROWS + 6 + 12  # contacts, joint limits, trust region
+MEMORY_SIZE = 7 * (ROWS + CUTS) + 8 * CONSTRAINTS + 36 + 6
+OWNERS = ROWS + CUTS
+
+
 @njit
-def new_contacts(size: int) -> Contacts:
-    """Return memory for contacts.
+def lay_out_memory(buffer: Array, owners: NDArray[np.int64]) -> Memory:
+    """Return views into two buffers.
 
     Args:
-        size: largest number of contacts.
+        buffer: (MEMORY_SIZE,) memory; the caller must keep it alive.
+        owners: (OWNERS,) memory, the same.
     """
-    return Contacts(np.empty(size), np.empty((size, 6)), np.empty(size, np.int64))
-
-
-@njit
-def new_program(size: int) -> Program:
-    """Return memory for a quadratic program.
-
-    Args:
-        size: largest number of constraints.
-    """
-    return Program(np.empty((size, 6)), np.empty(size), np.empty((6, 6)), np.empty(6), np.zeros(size))
+    b, o, n = unowned_view(buffer), unowned_view(owners), 0
+    contacts = Contacts(b[:ROWS], b[ROWS : 7 * ROWS].reshape(ROWS, 6), o[:ROWS])
+    n = 7 * ROWS
+    cuts = Contacts(b[n : n + CUTS], b[n + CUTS : n + 7 * CUTS].reshape(CUTS, 6), o[ROWS:])
+    n += 7 * CUTS
+    normals = b[n : n + 6 * CONSTRAINTS].reshape(CONSTRAINTS, 6)
+    n += 6 * CONSTRAINTS
+    bounds, force = b[n : n + CONSTRAINTS], b[n + CONSTRAINTS : n + 2 * CONSTRAINTS]
+    n += 2 * CONSTRAINTS
+    return Memory(contacts, cuts, Program(normals, bounds, b[n : n + 36].reshape(6, 6), b[n + 36 : n + 42], force))

@@ -84,7 +84,7 @@ def span_batch(
         steering: (n, 6) or (1, 6) rad.
         q: (n, 6) poses.
         point: (n, 6, 3) contact points from the body's origin, m; NaN where a wheel is off the ground.
-            Points on lines are moved to the middles.
+            Points on lines are replaced by the middles.
         span: (n, 6, 3) filled with half of each line, along the axle, m; 0: the contact is a point.
         start, stop: range of poses.
     """
