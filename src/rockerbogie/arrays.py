@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from types import EllipsisType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,3 +86,21 @@ def flat_steering(steering: Array) -> Array:
         (n, 6) or (1, 6), rad, as `flat`.
     """
     return flat(steering if any(steering.strides[:-1]) else steering[(slice(0, 1),) * (steering.ndim - 1)], 6)
+
+
+def frozen(value: Any) -> Any:
+    """Return a read-only copy of an array.
+
+    An array that is read-only and owns its data is returned as it is.
+
+    Args:
+        value: an array, or anything else, which is returned as it is.
+
+    Returns:
+        The copy.
+    """
+    if not isinstance(value, np.ndarray) or (not value.flags.writeable and value.base is None):
+        return value
+    copy = value.copy()
+    copy.flags.writeable = False
+    return copy

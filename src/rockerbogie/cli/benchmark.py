@@ -83,7 +83,7 @@ def mars(
 
 
 def _write(result: MarsBenchmark, output: Path | None) -> list[Path]:
-    """Write page, picture and table; return the files."""
+    """Write page, picture and table to a folder; return the files, none without a folder."""
     if output is None:
         return []
     from ..figures.benchmark import benchmark_figure, write_page

@@ -178,7 +178,7 @@ WRITERS = {".csv": Route.to_csv, ".geojson": Route.to_geojson, ".gpkg": Route.to
 
 
 def _share(reached: xr.Dataset | None) -> dict[str, float]:
-    """Return the share of the map's passable cells that can be reached."""
+    """Return `reachable_share`, of the passable cells; an empty dict without reachability."""
     if reached is None:
         return {}
     share = reached["reachable"].values

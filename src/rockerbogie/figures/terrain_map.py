@@ -81,7 +81,7 @@ def _bounds(maps: xr.Dataset) -> Bounds:
 
 
 def _kinds(share: Array) -> NDArray[np.intp]:
-    """Return the class of each share of headings."""
+    """Return the index in CLASSES of each share (0 to 1) of passable headings."""
     return np.digitize(share, [c.most + 1e-9 for c in CLASSES[:-1]])
 
 

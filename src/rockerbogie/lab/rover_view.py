@@ -58,7 +58,7 @@ class RoverView:
             self._make(rover)
 
     def _make(self, rover: Rover) -> None:
-        """Send the meshes of a rover."""
+        """Add the frames and meshes of a rover to the scene, and keep them in this view."""
         paths: list[str] = []
         for link, carrier in zip(LINKS, CARRIED_BY, strict=True):
             paths.append(f"{self.name if carrier < 0 else paths[carrier]}/{link}")

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..arrays import Array
+from ..arrays import Array, frozen
 
 #: Mass of a rover whose mass is not given: this many kg times the cube of its wheelbase (Curiosity 78, Rocky 7 128).
 DEFAULT_DENSITY = 90.0
@@ -20,24 +20,6 @@ GEOMETRY = ("rocker_pivot", "bogie_pivot", "hubs", "wheel_radius", "wheel_width"
 GROUPS = ("body", "rockers", "bogies", "wheels")
 #: A link is derived if it agrees with the rule of thumb to this relative error.
 DERIVED = 1e-9
-
-
-def frozen(value: Any) -> Any:
-    """Return a read-only copy of an array.
-
-    An array that is read-only and owns its data is returned as it is.
-
-    Args:
-        value: an array, or anything else, which is returned as it is.
-
-    Returns:
-        The copy.
-    """
-    if not isinstance(value, np.ndarray) or (not value.flags.writeable and value.base is None):
-        return value
-    copy = value.copy()
-    copy.flags.writeable = False
-    return copy
 
 
 @dataclass(frozen=True)

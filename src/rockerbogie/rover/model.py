@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._kernels.model import linkage
-from ..arrays import Array
+from ..arrays import Array, frozen
 from ..errors import RoverError, unknown_name
 from . import arguments
 from .checks import check_rover
@@ -30,7 +30,6 @@ from .masses import (
     Link,
     default_box,
     default_mass,
-    frozen,
     links_for,
     share_masses,
 )  # fmt: skip

@@ -71,7 +71,7 @@ def contacts_batch(
         steering: (n, 6) or (1, 6) steering angles, rad.
         q: (n, 6) poses.
         keep: m, largest gap of a contact that is counted.
-        gap: (n, 6) filled, m; NaN if the tread is off the map or over missing data. So are the following.
+        gap: (n, 6) filled, m; NaN if the tread is off the map or over missing data. So are angle, point and normal.
         angle: (n, 6) filled with contact angles, rad.
         point, normal: (n, 6, 3) filled, in the world.
         count: (n, 6) filled with the number of separate contacts, 0 where there is none.

@@ -39,7 +39,7 @@ def cells_around(ground: Ground, x: float, y: float, reach: float) -> tuple[int,
 
 @njit
 def bridged_grid(ground: Ground, i0: int, i1: int, j0: int, j1: int) -> tuple[Array, int]:
-    """Return a copy of the grid under some cells, its missing values replaced.
+    """Return a copy of the grid values of some cells, with missing values replaced.
 
     A missing value becomes that of the nearest known one in its row, or, if the row has none, in its column after that; 0 (the
     datum) if there is none at all. Cells without missing data are unchanged. The copy depends on these cells alone, so a
@@ -50,7 +50,8 @@ def bridged_grid(ground: Ground, i0: int, i1: int, j0: int, j1: int) -> tuple[Ar
         i0, i1, j0, j1: first column, one past the last, first row and one past the last of the cells.
 
     Returns:
-        Nodes or coefficients of the cells (rows, cols), m, and how many of them were missing.
+        Values (j1 - j0 + r, i1 - i0 + r), m, nodes of bilinear terrain with r = 1 or coefficients of cubic terrain with r = 3,
+        and the number of values that were missing.
     """
     ring = 3 if ground.meta[META_CUBIC] != 0.0 else 1  # values that a cell has beyond its first, along each axis
     rows, cols = j1 - j0 + ring, i1 - i0 + ring

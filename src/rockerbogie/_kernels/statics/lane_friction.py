@@ -231,13 +231,15 @@ def _finish(
     force: Array, torque: Array, required: Array, bound: Array, limit: Array, belly: Array, status: NDArray[np.uint8],
     solved: int,
 ) -> bool:  # fmt: skip
-    """Fill the results of a lane if its minimum is proved.
+    """Write the results of a lane's pose if its friction coefficient is proved minimal.
 
     Args:
-        t: work arrays.
+        t: work arrays; if a first proof holds, the balanced forces of all lanes are written.
         l: lane.
         field, gap: as for `friction_batch`.
-        force, torque, required, bound, limit, belly, status, solved: as for `friction_batch`; the pose's items are written.
+        force, torque, required, bound, limit, belly: as for `friction_batch`; the pose's items are written if it is proved.
+        status: as for `friction_batch`; the pose's item is replaced by `solved` if it is proved.
+        solved: status of a proved pose.
 
     Returns:
         True if it is proved.

@@ -102,6 +102,8 @@ def show(
 ) -> View:  # fmt: skip
     """Show a pose, a run or a map in three dimensions: in the notebook, or else in the browser.
 
+    Outside a notebook, a temporary HTML file is written and opened. It is not deleted.
+
     Args:
         subject: from `settle`, `drive`, `simulate`, `climb`, `traversability` or `read_map`.
         rover: of a run that was read from a file.

@@ -183,10 +183,13 @@ class _Search:
         return names if 6 <= len(names) <= MOST_LEAVES else []
 
     def _match(self, cluster: list[Hinge], forward: str | None, up: str | None) -> Roles:
-        """Return the roles among hinges that lie parallel.
+        """Return the roles among parallel hinges; turn freed hinges to the axles' direction.
+
+        In `self.inbound`, a fixed joint that was taken as a hinge gets that direction, unless its own is close to it; also if the
+        method raises.
 
         Raises:
-            RoverError: no two bogies with a rocker wheel to each.
+            RoverError: all wheels are at one point, or no two bogies with a rocker wheel to each.
         """
         lateral = mean_direction([h.axis for h in cluster])
         if (snapped := snap(lateral)) is not None:

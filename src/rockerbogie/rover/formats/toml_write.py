@@ -126,7 +126,7 @@ def _one_side(points: Array) -> Array:
 
 
 def _number(value: float) -> str:
-    """Return a number as text that reads back to the same bits."""
+    """Return a number as TOML text that reads back to the same value; −0 becomes 0."""
     return repr(float(value) + 0.0)
 
 
