@@ -138,22 +138,16 @@ class WheelController:
         if dt is not None and not dt > 0:
             raise RockerbogieError(f"dt is {dt!r} s; give a time above 0, or None")
         if steering is not None:
-            measured = np.asarray(steering, dtype=float)
-            if measured.shape != (6,):
-                raise RockerbogieError(f"steering has shape {measured.shape}; give (6,)")
+            measured = _six("steering", steering)
             self.steering = np.where(np.isfinite(measured), measured, self.steering)
         self.steering = np.where(self.rover.steers, self.steering, 0.0)
         reading = np.zeros(at.R_SIZE)
         reading[at.R_ROCKER] = _finite("rocker", rocker, ())
         reading[at.R_BOGIE : at.R_BOGIE + 2] = _finite("bogie", bogie, (2,))
-        contact = np.zeros(6) if contact_angle is None else np.asarray(contact_angle, dtype=float)
-        if contact.shape != (6,):
-            raise RockerbogieError(f"contact_angle has shape {contact.shape}; give (6,)")
+        contact = np.zeros(6) if contact_angle is None else _six("contact_angle", contact_angle)
         present = self.steering
         reading[at.R_STEERING : at.R_STEERING + 6] = present
-        torque = None if effort is None else np.asarray(effort, dtype=float)
-        if torque is not None and torque.shape != (6,):
-            raise RockerbogieError(f"effort has shape {torque.shape}; give (6,)")
+        torque = None if effort is None else _six("effort", effort)
         level = self._level(reading)
         contact = np.where(np.isfinite(contact), contact, level) if contact_angle is not None else level
         moving = bool(np.abs(wanted).max() > STANDING)
@@ -218,6 +212,17 @@ class WheelController:
         row = out[0]
         turn, motion, rates = row[: at.C_MOTION], row[at.C_MOTION : at.C_RATE], row[at.C_RATE : at.C_SIDE_SLIP]
         return turn, motion, rates, row[at.C_SIDE_SLIP : at.C_TURN_SLIP]
+
+
+def _six(name: str, value: ArrayLike) -> Array:
+    """Return an argument as an array (6,), NaN where a wheel has no value, or raise."""
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise RockerbogieError(f"{name} is {value!r:.60}; give six numbers, NaN for a wheel without one") from error
+    if array.shape != (6,):
+        raise RockerbogieError(f"{name} has shape {array.shape}; give (6,)")
+    return array
 
 
 def _finite(name: str, value: ArrayLike, *shapes: tuple[int, ...]) -> Array:
