@@ -87,6 +87,16 @@ def test_the_rover_tracks_a_robot_until_it_is_dragged(browser: Any) -> None:
         lab.stop()
 
 
+def shown(page: Any) -> tuple[float, ...]:
+    """Return x, y and yaw as the page shows them, in m and degrees."""
+    return tuple(float(page.get_by_label(label).input_value()) for label in ("x [m]", "y [m]", "yaw [°]"))
+
+
+def roll_of_the_model(x: float, y: float, yaw: float) -> str:
+    """Return the text of the settled rover's roll at a position in m and a yaw in degrees."""
+    return f"{round(math.degrees(float(rb.settle(ROVER, TERRAIN, x, y, math.radians(yaw)).roll)), 2) + 0.0:.2f}°"
+
+
 @needs_ros
 def test_the_command_tracks_a_node_on_loopback(browser: Any, tmp_path: Path) -> None:
     pytest.importorskip("rosbags")
@@ -113,12 +123,10 @@ def test_the_command_tracks_a_node_on_loopback(browser: Any, tmp_path: Path) -> 
                     for connection, _, raw in reader.messages(connections=[c for c in reader.connections if c.topic in kinds]):
                         kind, name = kinds[connection.topic]
                         bench.send(send[connection.topic], deserialize_message(bytes(raw), kind), name)
-                end = run.isel(time=-1)
-                wait_for(lambda: float(page.get_by_label("x [m]").input_value()) > 0.5, "the robot at the end of its drive")
-                x, y, yaw = (float(page.get_by_label(label).input_value()) for label in ("x [m]", "y [m]", "yaw [°]"))
-                assert (x, y, yaw) == pytest.approx((float(end["x"]), float(end["y"]), math.degrees(float(end["yaw"]))), abs=0.05)
-                alone = rb.settle(ROVER, TERRAIN, x, y, math.radians(yaw))
-                wait_for(lambda: text_of(page, "roll") == f"{round(math.degrees(float(alone.roll)), 2) + 0.0:.2f}°", "the model")
+                last = run.isel(time=-1)
+                end = pytest.approx((float(last["x"]), float(last["y"]), math.degrees(float(last["yaw"]))), abs=0.05)
+                wait_for(lambda: shown(page) == end, "the robot at the end of its drive")
+                wait_for(lambda: text_of(page, "roll") == roll_of_the_model(*shown(page)), "the model")
                 page.close()
             finally:
                 process.send_signal(signal.SIGINT)
