@@ -195,6 +195,43 @@ def test_poses_alone_with_unlike_wheels_are_those_of_a_batch() -> None:
         assert np.array_equal(alone.q, whole.q[k], equal_nan=True)
 
 
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+@pytest.mark.parametrize("mode", ["contact", "equilibrium"])
+def test_plain_numbers_give_the_pose_of_arrays(mode: str, interpolation: str) -> None:
+    rover, terrain, spots, _ = rough_places(12)
+    terrain = rb.Terrain.from_array(terrain.z, terrain.spacing, terrain.origin, interpolation)
+    spots[:, 0] = 1.0, -2.0, 1.0
+    whole = rb.settle(rover, terrain, *spots, mode=mode)
+    for k in range(12):
+        for kind in (float, np.float64, int) if k == 0 else (float,):
+            alone = rb.settle(rover, terrain, *map(kind, spots[:, k]), mode=mode)
+            arrays = rb.settle(rover, terrain, *map(np.array, spots[:, k]), mode=mode)
+            for name in ("x", "y", "yaw", "q", "status", "steering", "report"):
+                value, other, of_batch = (getattr(pose, name) for pose in (alone, arrays, whole))
+                if value is None:
+                    assert other is None
+                    continue
+                assert (value.shape, value.dtype, value.flags.writeable) == (other.shape, other.dtype, other.flags.writeable)
+                assert np.array_equal(value, other, equal_nan=True)
+                assert np.array_equal(value, of_batch[k], equal_nan=True)
+            assert alone.gravity == whole.gravity
+            assert np.array_equal(alone.gap, whole.gap[k], equal_nan=True)
+
+
+@pytest.mark.parametrize("bad", [np.nan, -np.inf, 10**400, "east", None], ids=lambda bad: str(bad)[:4])
+@pytest.mark.parametrize("name", ["x", "y", "yaw"])
+def test_a_position_that_is_no_finite_number_is_refused(name: str, bad: object) -> None:
+    given = {"x": 0.0, "y": 0.0, "yaw": 0.0, name: bad}
+    with pytest.raises(rb.RockerbogieError, match=rf"{name} is not (a number|finite)"):
+        rb.settle(paper_rover(), rb.surfaces.plane(), **given)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 0.0, -9.8, 10**400, "mars"], ids=lambda bad: str(bad)[:4])
+def test_impossible_gravity_is_refused(bad: object) -> None:
+    with pytest.raises(rb.RockerbogieError, match="gravity is"):
+        rb.settle(paper_rover(), rb.surfaces.plane(), 0.0, 0.0, gravity=bad)
+
+
 def settle_elsewhere(count: int, mode: str, **environment: str) -> tuple[np.ndarray, np.ndarray]:
     """Return q and status of `rough_places(count)`, computed by another process."""
     script = (

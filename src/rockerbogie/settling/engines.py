@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .._kernels.batch import contact_mode, coverage, equilibrium_mode
 from .._kernels.jit.parallel import parallel_for
-from .._kernels.model.ground import META_MAX_CURVATURE, META_STEEP, Ground
+from .._kernels.model.ground import META_MAX_CURVATURE, META_STEEP
 from .._kernels.simd.layout import LANES
 from ..arrays import Array
 from ..rover.model import Rover
@@ -26,7 +26,8 @@ Engine = Literal["simd", "scalar"]
 
 FINE = 0.25  # of the largest wheel radius: on finer cells equilibrium mode does not start from the six-wheel pose
 UNSETTLED = bytes([contact_mode.UNSETTLED])
-STATUS = 7  # of the arguments that all batch kernels share
+STATUS = 9  # argument of the kernels of SIMD lanes
+FIRST = np.zeros(1, dtype=np.int64)  # order of one pose
 HEADING_BINS = 64  # bins of half a turn by which poses are sorted on bilinear terrain
 
 _engine: ContextVar[Engine] = ContextVar("rockerbogie_settle_engine", default="simd")
@@ -75,8 +76,8 @@ def use_engine(engine: Engine) -> Iterator[None]:
 
 def _contact_cubic(poses: Batch) -> None:
     """Solve in contact mode on cubic terrain: SIMD lanes, then the scalar engine for the rest."""
-    parallel_for(contact_mode.settle_cubic, poses.status.size, *_inputs(poses), plain=_leave)
-    _contact_left(poses, _inputs(poses))
+    _lanes_cubic(poses)
+    _contact_left(poses)
     _contact_bridged(poses)
 
 
@@ -85,11 +86,33 @@ def _contact_linear(poses: Batch) -> None:
 
     Missing data is bridged first, and poses with a tread over it are refused at the end. So missing data takes no more time.
     """
-    inputs = _inputs(poses, poses.terrain.packed_bridged)
-    parallel_for(contact_mode.settle_linear, poses.status.size, *inputs, _lane_order(poses), plain=_leave)
-    _refuse_far(poses, inputs)
-    _contact_left(poses, inputs)
+    _lanes_linear(poses, poses.terrain.bridged)
+    _refuse_far(poses)
+    _contact_left(poses, bridged=True)
     _refuse_uncovered(poses)
+
+
+def _lanes_cubic(poses: Batch) -> None:
+    """Solve in contact mode on cubic terrain, by SIMD lanes alone.
+
+    Poses that they do not settle become UNSETTLED.
+    """
+    terrain = poses.terrain
+    parallel_for(
+        contact_mode.settle_cubic, poses.status.size, terrain.grid, terrain.upper_bound, terrain.meta, *_after_ground(poses),
+        plain=_leave,
+    )  # fmt: skip
+
+
+def _lanes_linear(poses: Batch, grid: Array) -> None:
+    """Solve in contact mode on bilinear terrain with the nodes `grid`, by SIMD lanes alone.
+
+    Poses that they do not settle become UNSETTLED.
+    """
+    parallel_for(
+        contact_mode.settle_linear, poses.status.size, grid, grid, poses.terrain.meta, *_after_ground(poses), _lane_order(poses),
+        plain=_leave,
+    )  # fmt: skip
 
 
 def _leave(*args: Any) -> None:
@@ -98,11 +121,11 @@ def _leave(*args: Any) -> None:
     status[:] = contact_mode.UNSETTLED
 
 
-def _contact_left(poses: Batch, inputs: tuple[object, ...]) -> None:
+def _contact_left(poses: Batch, bridged: bool = False) -> None:
     """Solve the poses whose status is UNSETTLED one by one."""
     if UNSETTLED in poses.status.tobytes():  # for one pose, comparing arrays takes as long as a tenth of settling it
         left = np.flatnonzero(poses.status == contact_mode.UNSETTLED)
-        parallel_for(contact_mode.settle_left, left.size, *inputs, left)
+        parallel_for(contact_mode.settle_left, left.size, *_inputs(poses, bridged), left)
 
 
 def _contact_cubic_scalar(poses: Batch) -> None:
@@ -113,18 +136,17 @@ def _contact_cubic_scalar(poses: Batch) -> None:
 
 def _contact_linear_scalar(poses: Batch) -> None:
     """Solve every pose in contact mode on bilinear terrain by itself."""
-    inputs = _inputs(poses, poses.terrain.packed_bridged)
-    _leave(*inputs)
-    _refuse_far(poses, inputs)
-    _contact_left(poses, inputs)
+    poses.status[:] = contact_mode.UNSETTLED
+    _refuse_far(poses)
+    _contact_left(poses, bridged=True)
     _refuse_uncovered(poses)
 
 
-def _refuse_far(poses: Batch, inputs: tuple[object, ...]) -> None:
+def _refuse_far(poses: Batch) -> None:
     """Refuse the UNSETTLED poses on bilinear terrain with a wheel far inside missing data."""
     if poses.terrain.bridged is not poses.terrain.grid:
         left = np.flatnonzero(poses.status == contact_mode.UNSETTLED)
-        parallel_for(coverage.refuse_far, left.size, *inputs, BRIDGE * min(poses.terrain.spacing), left)
+        parallel_for(coverage.refuse_far, left.size, *_inputs(poses, True), BRIDGE * min(poses.terrain.spacing), left)
 
 
 def _refuse_uncovered(poses: Batch) -> None:
@@ -145,7 +167,7 @@ def _equilibrium_cubic(poses: Batch) -> None:
     if _is_fine(poses):
         _equilibrium_scalar(poses)
         return
-    parallel_for(contact_mode.settle_cubic, poses.status.size, *_inputs(poses), plain=_leave)
+    _lanes_cubic(poses)
     _equilibrium(poses)
 
 
@@ -154,7 +176,7 @@ def _equilibrium_linear(poses: Batch) -> None:
     if _is_fine(poses):
         _equilibrium_scalar(poses)
         return
-    parallel_for(contact_mode.settle_linear, poses.status.size, *_inputs(poses), _lane_order(poses), plain=_leave)
+    _lanes_linear(poses, poses.terrain.grid)
     _equilibrium(poses)
 
 
@@ -187,21 +209,17 @@ def _refused(poses: Batch) -> NDArray[np.int64]:
     return np.flatnonzero(np.isin(poses.status, (Status.NO_DATA, Status.NOT_CONVERGED, Status.TIPPED)))
 
 
-def _inputs(poses: Batch, ground: Ground | None = None) -> tuple[object, ...]:
-    """Return the leading arguments that all batch kernels share.
+def _inputs(poses: Batch, bridged: bool = False) -> tuple[object, ...]:
+    """Return the leading arguments that all batch kernels share but those of SIMD lanes.
 
-    The terrain is the batch's, unless `ground` is given.
+    If `bridged`, missing data of bilinear terrain is bridged.
     """
-    return (
-        poses.terrain.packed if ground is None else ground,
-        poses.rover.packed,
-        poses.x,
-        poses.y,
-        poses.yaw,
-        poses.steering,
-        poses.q,
-        poses.status,
-    )
+    return (poses.terrain.packed_bridged if bridged else poses.terrain.packed, *_after_ground(poses))
+
+
+def _after_ground(poses: Batch) -> tuple[Array | NDArray[np.uint8], ...]:
+    """Return the arguments of batch kernels that come after the terrain."""
+    return poses.rover.packed, poses.x, poses.y, poses.yaw, poses.steering, poses.q, poses.status
 
 
 def _is_fine(poses: Batch) -> bool:
@@ -215,6 +233,8 @@ def _is_fine(poses: Batch) -> bool:
 def _lane_order(poses: Batch) -> NDArray[np.int64]:
     """Return the order (n,) in which SIMD lanes on bilinear terrain take the poses."""
     count = poses.status.size
+    if count == 1:
+        return FIRST
     return _by_heading(poses.yaw) if count > LANES and poses.rover.wheel_width.any() else np.arange(count)
 
 

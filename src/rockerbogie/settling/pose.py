@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
@@ -314,6 +315,6 @@ def checked_gravity(gravity: float) -> float:
     Raises:
         RockerbogieError: not a finite number above 0.
     """
-    if not (isinstance(gravity, (int, float, np.number)) and np.isfinite(gravity) and gravity > 0.0):
+    if not (isinstance(gravity, (int, float, np.number)) and 0.0 < gravity <= sys.float_info.max):
         raise RockerbogieError(f"gravity is {gravity!r}; give a number above 0 in m/s², as rockerbogie.GRAVITY['mars']")
     return float(gravity)

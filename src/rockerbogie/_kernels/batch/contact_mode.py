@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..jit.decorators import inlined, njit
 from ..jit.raw_views import unowned_view
 from ..model.bridge import bridged_grid, cells_around, with_grid
-from ..model.ground import META_X, META_Y, META_Z, Ground, borrow
+from ..model.ground import META_X, META_Y, META_Z, CubicGround, Ground, LinearGround, borrow
 from ..model.linkage import Z, reach, set_hub_offsets
 from ..search.verify_minimum import LEAST
 from ..search.workspace import WORK_SIZE, lay_out
@@ -34,13 +34,15 @@ UNSETTLED = 255  # status of a pose that the lanes have not settled
 
 @njit
 def settle_cubic(
-    ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, out: Array, status: NDArray[np.uint8],
+    grid: Array, upper_bound: Array, meta: Array, rover: Array,
+    x: Array, y: Array, yaw: Array, steering: Array, out: Array, status: NDArray[np.uint8],
     start: int, stop: int,
 ) -> None:  # fmt: skip
     """Settle poses in contact mode on cubic terrain, by SIMD lanes.
 
     Args:
-        ground, rover: the packed terrain and rover.
+        grid, upper_bound, meta: arrays of the packed terrain, one by one: in a tuple they would take 0.7 µs more a call.
+        rover: the packed rover.
         x, y, yaw: (n,) position, m, and heading, rad.
         steering: (n, 6) or (1, 6) steering angles, rad.
         out: (n, 6) filled with the poses that are settled.
@@ -48,29 +50,30 @@ def settle_cubic(
         start, stop: range of poses that this call settles.
     """
     buffer, block, which = np.empty(WORK_SIZE), np.empty(CUBIC_SIZE + LINE), np.empty(LANES, np.int64)
-    work, land, car, meta, q, lanes = (
+    work, land, car, header, q, lanes = (
         lay_out(buffer),
-        borrow(ground),
+        borrow(CubicGround(grid, upper_bound, meta)),
         unowned_view(rover),
-        unowned_view(ground[2]),
+        unowned_view(meta),
         unowned_view(out),
         line_up(block),
     )
-    sure = guaranteed_step(meta, car)
+    sure = guaranteed_step(header, car)
     for first in range(start, stop, LANES):
         count = min(LANES, stop - first)
         for l in range(count):
             which[l] = first + l
-        load(lanes, car, meta, x, y, yaw, steering, which, count, first == start, work)
+        load(lanes, car, header, x, y, yaw, steering, which, count, first == start, work)
         settle_block(lanes, land, car, count, sure, work)
         for l in range(count):
-            store_lane(lanes, l, car, meta, q, status, first + l, lanes[CUBIC.verdict + l] == LEAST)
+            store_lane(lanes, l, car, header, q, status, first + l, lanes[CUBIC.verdict + l] == LEAST)
     buffer[0] = block[0] = 0.0  # keep the buffers alive: `work` and `lanes` are unowned views of them
 
 
 @njit
 def settle_linear(
-    ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, out: Array, status: NDArray[np.uint8],
+    grid: Array, upper_bound: Array, meta: Array, rover: Array,
+    x: Array, y: Array, yaw: Array, steering: Array, out: Array, status: NDArray[np.uint8],
     order: NDArray[np.int64],
     start: int, stop: int,
 ) -> None:  # fmt: skip
@@ -79,7 +82,8 @@ def settle_linear(
     Poses that need more than one round wait until there is a block of them.
 
     Args:
-        ground, rover: the packed terrain and rover.
+        grid, upper_bound, meta: arrays of the packed terrain, one by one: in a tuple they would take 0.7 µs more a call.
+        rover: the packed rover.
         x, y, yaw: (n,) position, m, and heading, rad.
         steering: (n, 6) or (1, 6) steering angles, rad.
         out: (n, 6) filled with the poses that are settled.
@@ -89,17 +93,17 @@ def settle_linear(
     """
     buffer, block, spare = np.empty(WORK_SIZE), np.empty(BILINEAR_SIZE + LINE), np.empty(BILINEAR_SIZE + LINE)
     which, wait = np.empty(LANES, np.int64), np.empty(2 * LANES, np.int64)
-    work, land, car, meta, q, lanes, wheels = (
+    work, land, car, header, q, lanes, wheels = (
         lay_out(buffer),
-        borrow(ground),
+        borrow(LinearGround(grid, upper_bound, meta)),
         unowned_view(rover),
-        unowned_view(ground[2]),
+        unowned_view(meta),
         unowned_view(out),
         line_up(block),
         line_up(spare),
     )
     waiting, first = 0, start
-    if bilinear_settle.too_fine(meta, car):
+    if bilinear_settle.too_fine(header, car):
         for n in range(start, stop):
             status[order[n]] = UNSETTLED
         first = stop
@@ -109,10 +113,10 @@ def settle_linear(
         for l in range(count):
             which[l] = order[first + l] if anew else wait[l]
         few = few_poses(car, count)
-        load(lanes, car, meta, x, y, yaw, steering, which, count, first == start, work)
+        load(lanes, car, header, x, y, yaw, steering, which, count, first == start, work)
         if anew:
             first += count
-            bilinear_settle.start(lanes, wheels, land[0], meta, car, few)
+            bilinear_settle.start(lanes, wheels, land[0], header, car, few)
         else:
             waiting -= count
             for l in range(waiting):
@@ -130,7 +134,7 @@ def settle_linear(
                 wait[waiting] = k
                 waiting += 1
             else:
-                store_lane(lanes, l, car, meta, q, status, k, lanes[BILINEAR.fate + l] == bilinear_settle.SETTLED)
+                store_lane(lanes, l, car, header, q, status, k, lanes[BILINEAR.fate + l] == bilinear_settle.SETTLED)
     buffer[0] = block[0] = spare[0] = 0.0  # keep the buffers alive: `work`, `lanes` and `wheels` are unowned views of them
 
 
