@@ -6,6 +6,11 @@ import numpy as np
 import pytest
 
 import rockerbogie as rb
+from rockerbogie._kernels.model.linkage import forward_kinematics, set_hub_offsets
+from rockerbogie._kernels.model.wheel import CONTACT_SIZE, GAP
+from rockerbogie._kernels.search.tread import OFF, least_gap
+from rockerbogie._kernels.search.workspace import WORK_SIZE, lay_out
+from rockerbogie._kernels.solve.newton import a_wheel_is_off
 from support import oracle
 from support.helpers import assert_close
 from support.strategies import GROUNDS, heights, terrain_around
@@ -189,3 +194,34 @@ def test_a_tread_within_1_mm_of_the_map_s_edge_is_on_the_map() -> None:
         (9e9, 0),
     ):
         assert rb.settle(rover, terrain, x, y).status == rb.Status.OFF_MAP
+
+
+@pytest.mark.parametrize("width", [0.0, 0.3])
+def test_a_wheel_off_the_map_is_one_whose_search_finds_no_terrain(width: float) -> None:
+    """Tilted rovers across all four edges: the box decides as the search does."""
+    rover = rb.Rover.from_pivots(
+        wheel_radius=0.5,
+        wheel_width=width,
+        rocker_pivot=(0, 1, 1),
+        bogie_pivot=(-1.5, 1, 0.5),
+        hubs=[(2.4, 2, 0), (0, 2, 0), (-2.4, 2, 0)],
+    )
+    terrain = rb.surfaces.fractal(1, size=16.0, spacing=0.5, interpolation="linear")
+    rng = np.random.default_rng(0)
+    buffer = np.empty(WORK_SIZE)
+    work, meta, none = lay_out(buffer), terrain.packed[2], np.empty((0, CONTACT_SIZE))
+    set_hub_offsets(rover.packed, np.zeros(6), work.hub_offsets)
+    off = 0
+    for _ in range(400):
+        (x, y), yaw, q = rng.uniform(-1, 17, 2), rng.uniform(-3, 3), rng.uniform(-0.5, 0.5, 6)
+        upright = forward_kinematics(
+            rover.packed, work.hub_offsets, x, y, np.cos(yaw), np.sin(yaw), q, work.axes, work.pivots, work.wheels
+        )
+        assert upright
+        found = False
+        for wheel in work.wheels:
+            code, _ = least_gap(terrain.packed, wheel, 0.0, 1.0, 0.0, True, -np.inf, work.lowest, none)
+            found |= code == OFF and work.lowest[GAP] == np.inf
+        assert a_wheel_is_off(meta, work.wheels) == found
+        off += found
+    assert 100 < off < 300, "both kinds occur"

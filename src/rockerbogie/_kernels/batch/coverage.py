@@ -12,10 +12,10 @@ from ..jit.raw_views import unowned_view
 from ..model.bridge import cells_around
 from ..model.ground import META_DX, META_DY, META_X, META_Y, META_Z, Ground, borrow, on_map
 from ..model.linkage import Z, forward_kinematics, reach, set_hub_offsets
-from ..model.wheel import AX, AY, EX, EY, HALF, HX, HY, RADIUS, UX, UY
+from ..model.wheel import HX, HY
 from ..search.tread import FOUND, least_gap
 from ..search.workspace import WORK_SIZE, lay_out
-from ..solve.newton import CONVERGED, JOINT_STOP, NO_DATA
+from ..solve.newton import CONVERGED, JOINT_STOP, NO_DATA, wheel_extent
 
 Array = NDArray[np.float64]
 
@@ -113,8 +113,8 @@ def data_missing_near(ground: Ground, w: Array, more: float, box: tuple[int, int
         box: first column, one past the last, first row and one past the last of the cells that may be read.
     """
     grid, meta = ground[0], ground[2]
-    far_x = w[HALF] * abs(w[AX]) + w[RADIUS] * math.sqrt(w[EX] * w[EX] + w[UX] * w[UX]) + more
-    far_y = w[HALF] * abs(w[AY]) + w[RADIUS] * math.sqrt(w[EY] * w[EY] + w[UY] * w[UY]) + more
+    far_x, far_y = wheel_extent(w)
+    far_x, far_y = far_x + more, far_y + more
     i0, i1 = int(math.floor((w[HX] - far_x) / meta[META_DX])), int(math.floor((w[HX] + far_x) / meta[META_DX]))
     j0, j1 = int(math.floor((w[HY] - far_y) / meta[META_DY])), int(math.floor((w[HY] + far_y) / meta[META_DY]))
     for j in range(max(j0, box[2]), min(j1 + 1, box[3]) + 1):

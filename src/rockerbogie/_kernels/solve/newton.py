@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit.decorators import inlined, njit
-from ..model.ground import META_CUBIC, Ground, surface
+from ..model.ground import META_CUBIC, META_DX, META_DY, META_MAX_CURVATURE, META_NX, META_NY, META_STEEP, Ground, surface
 from ..model.linkage import (
     BOGIE_L,
     BOGIE_R,
@@ -24,7 +24,25 @@ from ..model.linkage import (
     reach,
 )
 from ..model.tolerances import CONVERGED_GAP, MAX_ANGLE, MAX_STEP_ANGLE, SEARCH_GAP
-from ..model.wheel import COSINE, GAP, HX, HY, HZ, PLACE, RADIUS, SIN, contact_slope, tread_point
+from ..model.wheel import (
+    AX,
+    AY,
+    COSINE,
+    EX,
+    EY,
+    GAP,
+    HALF,
+    HX,
+    HY,
+    HZ,
+    PLACE,
+    RADIUS,
+    SIN,
+    UX,
+    UY,
+    contact_slope,
+    tread_point,
+)
 from ..search.body_box import box_over_ground
 from ..search.box_points import NEAR_ROOM, NEAR_SIZE
 from ..search.tread import BLANK, FOUND, OFF, least_gap
@@ -148,6 +166,38 @@ def move(q: Array, step: Array) -> None:
         q[k] += scale * step[k]
 
 
+@inlined
+def wheel_extent(w: Array) -> tuple[float, float]:
+    """Return half the size of the box around a wheel, along x and y, m.
+
+    Args:
+        w: (WHEEL_SIZE,) wheel.
+    """
+    return (
+        w[HALF] * abs(w[AX]) + w[RADIUS] * math.sqrt(w[EX] * w[EX] + w[UX] * w[UX]),
+        w[HALF] * abs(w[AY]) + w[RADIUS] * math.sqrt(w[EY] * w[EY] + w[UY] * w[UY]),
+    )
+
+
+@njit
+def a_wheel_is_off(meta: Array, wheels: Array) -> bool:
+    """Return True if the box around a wheel lies wholly beyond the map's edge.
+
+    `least_gap` finds the same, after the search of the wheels before it.
+
+    Args:
+        meta: the map header.
+        wheels: (6, WHEEL_SIZE) wheels.
+    """
+    last_x, last_y = (meta[META_NX] - 1.0) * meta[META_DX], (meta[META_NY] - 1.0) * meta[META_DY]
+    for i in range(6):
+        x, y = wheels[i, HX], wheels[i, HY]
+        far_x, far_y = wheel_extent(wheels[i])
+        if x + far_x < 0.0 or x - far_x > last_x or y + far_y < 0.0 or y - far_y > last_y:
+            return True
+    return False
+
+
 @njit
 def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, work: Work) -> int:
     """Solve for six zero gaps by Newton's method from q, each gap over the whole tread.
@@ -173,9 +223,13 @@ def newton(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: floa
     grid, _, meta = ground
     axes, pivots, wheels, rows, step, touch = work.axes, work.pivots, work.wheels, work.rows, work.step, work.touch
     whole, over_edge = True, False
+    # without missing data no earlier wheel can lie over it, and a wheel off the map decides
+    complete = math.isfinite(meta[META_MAX_CURVATURE if meta[META_CUBIC] != 0.0 else META_STEEP])
     for it in range(STEPS):
         if not forward_kinematics(rover, work.hub_offsets, x, y, cy, sy, q, axes, pivots, wheels):
             return -1
+        if complete and a_wheel_is_off(meta, wheels):
+            return OFF
         worst = 0.0
         coverage = FOUND
         for i in range(6):
