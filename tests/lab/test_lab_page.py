@@ -36,11 +36,11 @@ def test_a_drag_moves_the_rover_and_the_numbers_are_those_of_settle(page: Any, s
     start = pixel_of(page, session, body)
     goal = pixel_of(page, session, np.array(body) + (0.3, 0.25, 0.0))
     drag(page, start, goal)
-    wait_for(lambda: session.state.x > 0.1, "the rover moves")
-    wait_for(lambda: at_rest(session), "the rover at rest")
-    assert (session.state.x, session.state.y) == pytest.approx((0.3, 0.25), abs=0.12)
-    assert session.state.yaw == 0.0
+    state, end = session.state, pytest.approx((0.3, 0.25), abs=0.12)
+    wait_for(lambda: at_rest(session) and (state.x, state.y) == end, "the rover at the end of the drag")
     check_numbers(page, session)
+    assert (state.x, state.y) == end
+    assert state.yaw == 0.0
 
 
 def test_a_drag_of_the_ring_turns_the_rover(page: Any, session: Any) -> None:
@@ -55,11 +55,11 @@ def test_a_drag_of_the_ring_turns_the_rover(page: Any, session: Any) -> None:
     turn = rb.body_transform(0, 0, 0, 0, 0, 0.5)[:3, :3]
     goal = turn @ (start - T[:3, 3]) + T[:3, 3]
     drag(page, pixel_of(page, session, start), pixel_of(page, session, goal))
-    wait_for(lambda: abs(state.yaw) > 0.1, "the rover turns")
-    wait_for(lambda: at_rest(session), "the rover at rest")
-    assert state.yaw == pytest.approx(0.5, abs=0.15)
-    assert (state.x, state.y) == pytest.approx(before, abs=1e-9)
+    end = pytest.approx(0.5, abs=0.15)
+    wait_for(lambda: at_rest(session) and state.yaw == end, "the rover at the end of the drag")
     check_numbers(page, session)
+    assert state.yaw == end
+    assert (state.x, state.y) == pytest.approx(before, abs=1e-9)
 
 
 def test_typed_positions_and_keys_move_the_rover(page: Any, session: Any) -> None:
@@ -77,11 +77,13 @@ def test_typed_positions_and_keys_move_the_rover(page: Any, session: Any) -> Non
 def test_a_slider_changes_the_rover(page: Any, session: Any) -> None:
     page.get_by_role("tab", name="Rover").click()
     own = float(session.state.rover.wheel_radius[0])
+    radius = next(slider for slider in session.rover_panel.sliders.values() if slider.value == pytest.approx(own))
     slider = page.get_by_role("slider").first
     slider.focus()
-    for _ in range(4):
+    for presses in range(1, 5):
         slider.press("ArrowRight")
-    wait_for(lambda: session.state.rover.wheel_radius[0] > own, "larger wheels")
+        larger = pytest.approx(own + presses * radius.step)
+        wait_for(lambda larger=larger: session.state.rover.wheel_radius[0] == larger, "larger wheels")
     check_numbers(page, session)
     with page.expect_download() as download:
         press(page, "Save as TOML")

@@ -37,7 +37,7 @@ def ask(lab: Any, host: str | None = None, origin: str | None = None, upgrade: b
     if upgrade:
         key = base64.b64encode(os.urandom(16)).decode()
         lines += ["Upgrade: websocket", "Connection: Upgrade", f"Sec-WebSocket-Key: {key}", "Sec-WebSocket-Version: 13"]
-    with socket.create_connection(("127.0.0.1", port), timeout=20) as connection:
+    with socket.create_connection(("127.0.0.1", port), timeout=180) as connection:
         connection.sendall(("\r\n".join(lines) + "\r\n\r\n").encode())
         return connection.recv(200).decode(errors="replace").splitlines()[0]
 
@@ -56,7 +56,7 @@ def test_only_the_page_itself_may_connect(lab: Any) -> None:
 def test_the_page_has_the_script_in_each_encoding(lab: Any) -> None:
     for encoding in ("gzip", "identity"):
         request = urllib.request.Request(lab.url, headers={"Accept-Encoding": encoding})
-        with urllib.request.urlopen(request, timeout=20) as response:
+        with urllib.request.urlopen(request, timeout=180) as response:
             body = response.read()
             assert response.headers["Content-Encoding"] == encoding
         text = gzip.decompress(body) if encoding == "gzip" else body

@@ -16,7 +16,7 @@ import pytest
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[lab]'")
 
 import rockerbogie as rb
-from support.browser import choose, close_notes, open_page, pixel_of, press, text_of, wait_for
+from support.browser import PATIENCE, choose, close_notes, open_page, pixel_of, press, text_of, wait_for
 from support.lab_page import at_rest, check_numbers, visible
 
 ROVER = rb.load_rover("osr")
@@ -43,9 +43,11 @@ def test_equilibrium_mode_shows_the_equilibrium_of_settle(page: Any, session: An
     session.later(lambda: session.state.move(0.35, -0.2, 0.4))
     session.later(session.redraw)
     check_numbers(page, session)
-    rows = page.inner_text('[data-key="wheels"]')
-    shares = [float(value) for value in re.findall(r"(\d+) %", rows)]
-    assert sum(shares) == pytest.approx(100.0, abs=4.0), "normal forces carry the weight"
+
+    def total() -> float:
+        return sum(float(value) for value in re.findall(r"(\d+) %", page.inner_text('[data-key="wheels"]')))
+
+    wait_for(lambda: total() == pytest.approx(100.0, abs=4.0), "normal forces that carry the weight")
     choose(page, "mode", "contact")
     check_numbers(page, session)
 
@@ -53,32 +55,33 @@ def test_equilibrium_mode_shows_the_equilibrium_of_settle(page: Any, session: An
 def test_arrows_appear_and_disappear(page: Any, session: Any) -> None:
     tab(page, "Pose")
     for kind, on in (("points", True), ("normals", False), ("forces", True)):
-        assert visible(page, f"/contacts/{kind}") is on
+        wait_for(lambda kind=kind, on=on: visible(page, f"/contacts/{kind}") is on, f"{kind} at first")
         page.get_by_label(f"show {kind}").click()
         wait_for(lambda kind=kind, on=on: visible(page, f"/contacts/{kind}") is not on, f"{kind} changed")
         page.get_by_label(f"show {kind}").click()
+        wait_for(lambda kind=kind, on=on: visible(page, f"/contacts/{kind}") is on, f"{kind} as before")
 
 
 def test_constants_of_the_paper_are_sliders(page: Any, session: Any) -> None:
     tab(page, "Rover")
     choose(page, "rover", "elhami-dashti")
-    wait_for(lambda: session.state.rover.name == "elhami-dashti", "the rover of the paper")
+    wait_for(lambda: session.state.rover.name == "elhami-dashti" and at_rest(session), "the rover of the paper")
     choose(page, "sizes by", "K1 to K11 of the paper")
-    wait_for(lambda: "K11" in session.rover_panel.sliders, "sliders of K1 to K11")
+    wait_for(lambda: "K11" in session.rover_panel.sliders and at_rest(session), "sliders of K1 to K11")
     before = session.state.rover.to_dh()
     slider = session.rover_panel.sliders["K6"]
     page.wait_for_selector("text=K11")
     page.locator(f'[id="{slider._impl.uuid}"]').get_by_role("slider").focus()
-    page.keyboard.press("ArrowRight")
-    page.keyboard.press("ArrowRight")
-    longer = round(before["K6"], 3) + 2 * slider.step
-    wait_for(lambda: session.state.rover.to_dh()["K6"] == pytest.approx(longer, abs=1e-9), "a longer K6")
+    for presses in (1, 2):
+        page.keyboard.press("ArrowRight")
+        longer = round(before["K6"], 3) + presses * slider.step
+        wait_for(lambda k6=longer: session.state.rover.to_dh()["K6"] == pytest.approx(k6, abs=1e-9), "a longer K6")
     assert float(slider.value) == pytest.approx(longer, abs=1e-9), "the number shown is the number used"
     check_numbers(page, session)
     after = session.state.rover.to_dh()
     assert all(after[key] == pytest.approx(before[key], abs=1e-12) for key in before if key != "K6")
     choose(page, "rover", "osr")
-    wait_for(lambda: session.state.rover.name == ROVER.name, "the first rover")
+    wait_for(lambda: session.state.rover.name == ROVER.name and at_rest(session), "the first rover")
 
 
 def test_a_surface_is_generated_from_its_parameters_and_seed(page: Any, session: Any) -> None:
@@ -239,12 +242,12 @@ def test_the_command_shows_a_map_and_a_run_from_files(browser: Any, tmp_path: Pa
             wait_for(lambda: text_of(page, "roll") == first, "roll of the run's first record")
             tab(page, "Terrain")
             page.wait_for_selector("text=headings passable")
-            assert page.get_by_label("colour by").first.input_value() == "passable"
+            wait_for(lambda: page.get_by_label("colour by").first.input_value() == "passable", "the map's colours")
             tab(page, "Drive")
-            assert page.get_by_role("button", name="▶ Play").is_enabled()
-            assert page.locator('[data-key="charts"] svg').count() == 3
+            wait_for(lambda: page.get_by_role("button", name="▶ Play").is_enabled(), "the button")
+            wait_for(lambda: page.locator('[data-key="charts"] svg').count() == 3, "three charts")
             assert str(tmp_path) not in page.content()
             page.close()
         finally:
             process.send_signal(signal.SIGINT)
-            process.wait(30)
+            process.wait(PATIENCE)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
@@ -13,7 +12,7 @@ import numpy as np
 import pytest
 
 import rockerbogie as rb
-from ros.ros_bench import Bench, needs_ros
+from ros.ros_bench import PATIENCE, Bench, needs_ros, use_own_domain
 from support.helpers import assert_close
 
 pytestmark = needs_ros
@@ -94,6 +93,12 @@ def test_commands_are_those_of_the_controller():
     from std_msgs.msg import Float64MultiArray
 
     names = ["drive_fl=wheel_LF_joint", "drive_fr=-wheel_RF_joint", "turn_fl=-steering_LF"]
+    want = rb.WheelController(ROVER)
+    command = [want.command([0.05, 0.0, 0.04]) for _ in range(3)][-1]
+    index = {name: k for k, name in enumerate(ROVER.wheel_names)}
+    signs = np.ones(6)
+    signs[index["RF"]] = -1.0
+    angles = (np.where(np.arange(6) == index["LF"], -1.0, 1.0) * command.steering)[ROVER.steers]
     with Bench(rover="osr", joint_names=names, steering_rate_limit=0.5) as bench:
         send = bench.publisher(Twist, "cmd_vel")
         wheels = bench.record(Float64MultiArray, "wheel_velocity_controller/commands")
@@ -101,23 +106,23 @@ def test_commands_are_those_of_the_controller():
         joint = bench.record(JointState, "joint_commands")
         twist = Twist()
         twist.linear.x, twist.angular.z = 0.05, 0.04
-        for _ in range(150):
+
+        def turned():
             send.publish(twist)
             bench.spin(1.0 / HZ)
-        moving = np.array([m.data for _, m in wheels])
-        bench.until(lambda: not np.any(wheels[-1][1].data), "stop after the last twist", 5.0)
-    want = rb.WheelController(ROVER)
-    command = [want.command([0.05, 0.0, 0.04]) for _ in range(3)][-1]
-    index = {name: k for k, name in enumerate(ROVER.wheel_names)}
-    signs = np.ones(6)
-    signs[index["RF"]] = -1.0
+            return bool(joint) and np.allclose(joint[-1][1].position[6:], angles, rtol=0, atol=1e-6)
+
+        bench.until(turned, "the wheels at their angles")
+        bench.until(lambda: not np.any(wheels[-1][1].data), "stop after the last twist")
+        bench.until(lambda: len(wheels) == len(joint) == len(steering), "the last commands")
+    moving = np.array([m.data for _, m in wheels])
+    moving = moving[np.any(moving != 0.0, axis=1)]
     assert_close(moving[-1], signs * command.wheel_rates, 1e-6, "rad/s", "wheel rates once the wheels have turned")
-    assert np.abs(moving[0]).max() < 0.1 * np.abs(moving[-1]).max(), "the rover waits for its wheels"
+    assert np.abs(wheels[0][1].data).max() < 0.1 * np.abs(moving[-1]).max(), "the rover waits for its wheels"
     last = joint[-1][1]
     assert last.name[index["LF"]] == "drive_fl"
-    angles = dict(zip(last.name, last.position, strict=True))
-    assert angles["turn_fl"] == pytest.approx(-command.steering[index["LF"]], abs=1e-6)
-    assert len(steering[-1][1].data) == int(ROVER.steers.sum())
+    assert dict(zip(last.name, last.position, strict=True))["turn_fl"] == pytest.approx(-command.steering[index["LF"]], abs=1e-6)
+    assert list(steering[-1][1].data) == list(last.position[6:])
 
 
 def test_efforts_of_joint_states_share_the_load():
@@ -131,7 +136,7 @@ def test_efforts_of_joint_states_share_the_load():
     index = {name: k for k, name in enumerate(ROVER.wheel_names)}
     signs = np.ones(6)
     signs[index["RF"]] = -1.0
-    with Bench(rover="osr", joint_names=names, share_load=True, use_imu=False, cmd_vel_timeout=30.0) as bench:
+    with Bench(rover="osr", joint_names=names, share_load=True, use_imu=False, use_sim_time=True) as bench:
         send = bench.publisher(Twist, "cmd_vel")
         joints = bench.publisher(JointState, "joint_states")
         wheels = bench.record(Float64MultiArray, "wheel_velocity_controller/commands")
@@ -139,21 +144,29 @@ def test_efforts_of_joint_states_share_the_load():
         twist.linear.x = 0.05
         message = JointState(name=[f"wheel_{w}_joint" if w != "RF" else "drive_fr" for w in ROVER.wheel_names])
         message.position, message.effort = [0.0] * 6, (signs * effort).tolist()
-        message.header.stamp = bench.node.get_clock().now().to_msg()
+        bench.set_time(100.0)
+        message.header.stamp.sec = 100
         bench.send(joints, message, "joint states", 0)
         send.publish(twist)
-        bench.until(lambda: bool(wheels), "commands")
+        bench.until(lambda: len(wheels) == 1, "commands")
         first = np.array(wheels[0][1].data)
-        bench.spin(0.8)
-        stale = np.array(wheels[-1][1].data)
+        bench.set_time(100.49)  # no twist is older than 0.5 s
+        bench.until(lambda: len(wheels) == 2, "the command again")
+        shared = np.array(wheels[1][1].data)
+        send.publish(twist)
+        bench.until(lambda: len(wheels) == 3, "commands")
+        bench.set_time(100.51)
+        bench.until(lambda: len(wheels) == 4, "the command without efforts")
+        stale = np.array(wheels[3][1].data)
         message.effort = [1.0]
-        message.header.stamp = bench.node.get_clock().now().to_msg()
+        message.header.stamp.sec = 101
         bench.send(joints, message, "joint states", 0)
         assert "joint states" in bench.node._logged, "efforts of another number are reported"
     plain = rb.WheelController(ROVER).command([0.05, 0.0, 0.0]).wheel_rates
     want = rb.WheelController(ROVER).command([0.05, 0.0, 0.0], dt=0.02, effort=effort).wheel_rates
     assert_close(first, signs * want, 1e-9, "rad/s", "rates with the load shared")
     assert np.abs(want - plain).max() > 0.01 * plain.max(), "efforts change the rates"
+    assert np.abs(shared - signs * plain).max() > 0.01 * plain.max(), "efforts of 0.49 s ago are used"
     assert_close(stale, signs * plain, 1e-9, "rad/s", "efforts older than 0.5 s are not used")
 
 
@@ -177,7 +190,7 @@ def test_the_node_survives_faulty_sensors_and_reports_them(bag):
                 message.position[k] += angle
         return message
 
-    with Bench(rover="osr") as bench:
+    with Bench(rover="osr", sensor_timeout=2 * PATIENCE) as bench:
         joint, imu = bench.publisher(JointState, "joint_states"), bench.publisher(Imu, "imu/data")
         odom, state = bench.record(Odometry, "odom"), bench.record(DiagnosticArray, "rover/state")
 
@@ -201,13 +214,13 @@ def test_the_node_survives_faulty_sensors_and_reports_them(bag):
         for k in range(2 * quarter, n):  # no IMU
             send(k, 50.0, angle=-300.0, attitude=False)
 
-        def sensors_status():
+        def reported():
             return next(s for s in state[-1][1].status if s.name.endswith("sensors"))
 
-        bench.until(lambda: "no IMU" in sensors_status().message, "report of the missing IMU")
-        sensors = sensors_status()
+        bench.until(lambda: state and "no IMU" in reported().message, "report of the missing IMU")
+        sensors = reported()
         last = joints[-1].header.stamp
-        bench.until(lambda: odom[-1][1].header.stamp == last, "estimate of the last row")
+        bench.until(lambda: odom and odom[-1][1].header.stamp == last, "estimate of the last row")
         found = {pair.key: pair.value for pair in sensors.values}
         end = positions(odom)[-1]
     assert {"duplicate", "late", "not finite", "clock set", "counter jump", "no IMU"} <= found.keys(), found
@@ -232,8 +245,8 @@ def test_the_description_may_come_by_topic_and_is_published():
         publisher.publish(String(data=rb.to_urdf(ROVER)))
         bench.until(lambda: bench.node.active, "start after the description")
         assert bench.node.rover.wheel_names == ROVER.wheel_names
-        topics = {name for name, _ in bench.node.get_topic_names_and_types()}
-        assert {"/rover1/odom", "/rover1/joint_states", "/rover1/rover/state"} <= topics
+        wanted = {"/rover1/odom", "/rover1/joint_states", "/rover1/rover/state"}
+        bench.until(lambda: wanted <= {name for name, _ in bench.node.get_topic_names_and_types()}, "topics in the namespace")
         assert bench.publisher(JointState, "joint_states")
     with Bench(rover="osr", publish_robot_description=True) as bench:
         found = bench.record(String, "robot_description", latched)
@@ -264,6 +277,8 @@ def test_the_lifecycle_and_its_refusals():
         assert bench.node.trigger_shutdown() == Result.SUCCESS
     with Bench(rover="osr", imu_frame="up") as bench:
         assert not bench.started
+    with Bench(rover="osr", command_rate=40.0, state_rate=20.0) as bench:
+        assert {timer.timer_period_ns for timer in bench.node.timers} == {25_000_000, 50_000_000}
 
 
 def test_a_track_continues_from_its_state_file(bag, tmp_path):
@@ -299,8 +314,7 @@ def test_the_command_runs_the_node_until_it_is_interrupted():
     import rclpy
     from rosgraph_msgs.msg import Clock
 
-    environment = os.environ | {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_DOMAIN_ID": str(100 + os.getpid() % 100)}
-    os.environ |= environment
+    use_own_domain()
     command = [
         sys.executable,
         "-m",
@@ -314,7 +328,7 @@ def test_the_command_runs_the_node_until_it_is_interrupted():
         "--set",
         "state_rate=20",
     ]
-    process = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     context = rclpy.Context()
     rclpy.init(context=context)
     try:
@@ -326,17 +340,17 @@ def test_the_command_runs_the_node_until_it_is_interrupted():
         found = []
         node.create_subscription(DiagnosticArray, "/r2/rover/state", found.append, 10)
         clock = node.create_publisher(Clock, "/clock", 10)
-        end, tick = time.monotonic() + 25, 0
-        while not found and time.monotonic() < end:
+        end, tick = time.monotonic() + PATIENCE, 0
+        while not found and time.monotonic() < end and process.poll() is None:
             tick += 1
             message = Clock()
             message.clock.sec = 5000 + tick
             clock.publish(message)
             executor.spin_once(timeout_sec=0.05)
-        assert found, "rover/state within 25 s"
-        assert 5000 < found[0].header.stamp.sec < 5000 + tick + 1
         process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=15)
+        _, errors = process.communicate(timeout=PATIENCE)
+        assert found, errors
+        assert 5000 < found[0].header.stamp.sec < 5000 + tick + 1
     finally:
         process.kill()
         context.try_shutdown()
@@ -352,11 +366,15 @@ def test_a_live_view_gets_the_poses(bag):
     run, file, track = bag
     with Bench(rover="osr", namespace="/r3") as bench, LivePoses(ROVER, namespace="/r3") as view:
         send = {"/joint_states": bench.publisher(JointState, "joint_states"), "/imu": bench.publisher(Imu, "imu/data")}
-        bench.until(lambda: bench.node.odom.get_subscription_count() > 0, "a view of odom")
+        for topic, end in (("joint_states", send["/joint_states"]), ("odom", bench.node.odom)):
+            seen = next(s for s in view._node.subscriptions if s.topic_name == f"/r3/{topic}")
+            count = 2 if topic == "joint_states" else 1  # the node is subscribed too
+            bench.until(lambda end=end, count=count: end.get_subscription_count() == count, f"a view of {topic}")
+            bench.until(lambda seen=seen: seen.get_publisher_count() > 0, f"{topic} in the view")
         end = 10.0 + 1e-9 * round(1e9 * float(run["time"][-1] - 10.0))
         for topic, _, message in stored_messages(file):
             bench.send(send[topic], message, "joint states" if topic == "/joint_states" else "IMU readings")
-        bench.until(lambda: view.newest is not None and view.newest.time > end - 0.1, "the last pose")
+        bench.until(lambda: view.newest is not None and view.newest.time > end - 1e-3, "the last pose")
         pose = next(iter(view))
         want = track.isel(time=int(np.argmin(np.abs(track["time"].values - pose.time))))
         assert_close([pose.x, pose.y, pose.z], [float(want[k]) for k in "xyz"], 1e-6, "m", "position")

@@ -53,11 +53,11 @@ def close_notes(page: Any) -> None:
     page.eval_on_selector_all(".mantine-Notification-closeButton", "buttons => buttons.forEach(b => b.click())")
 
 
-def wait_for(condition: Callable[[], Any], what: str, patience: float = PATIENCE) -> Any:
-    """Wait until a condition is true, and return its value."""
-    end = time.monotonic() + patience
+def wait_for(condition: Callable[[], Any], what: str, state: object = "") -> Any:
+    """Wait until a condition is true; return its value. A failure shows `state`."""
+    end = time.monotonic() + PATIENCE
     while not (value := condition()):
-        assert time.monotonic() < end, f"not within {patience:.0f} s: {what}"
+        assert time.monotonic() < end, f"not within {PATIENCE:.0f} s: {what} {state}"
         time.sleep(0.05)
     return value
 

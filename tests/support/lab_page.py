@@ -10,7 +10,9 @@ from support.browser import text_of, wait_for
 
 
 def at_rest(session: Any) -> bool:
-    return session.state.target is None and not session._jobs and not session._moving()
+    """Return True if the session has finished all its jobs and frames."""
+    idle = bool(session._wake._waiters)
+    return idle and session.state.target is None and not session._jobs and not session._moving()
 
 
 def shown(pose: rb.Pose) -> dict[str, str]:
@@ -28,11 +30,16 @@ def shown(pose: rb.Pose) -> dict[str, str]:
 
 def check_numbers(page: Any, session: Any) -> None:
     """Compare the numbers in the page with `settle` at the position of the state."""
-    wait_for(lambda: at_rest(session), "the rover at rest")
-    state = session.state
-    expected = shown(rb.settle(state.rover, state.terrain, state.x, state.y, state.yaw, mode=state.mode))
-    for key, text in expected.items():
-        wait_for(lambda key=key, text=text: text_of(page, key) == text, f"{key} = {text}")
+    state, differences = session.state, {}
+
+    def equal() -> bool:
+        expected = shown(rb.settle(state.rover, state.terrain, state.x, state.y, state.yaw, mode=state.mode))
+        found = {key: (text_of(page, key), text) for key, text in expected.items()}
+        differences.clear()
+        differences.update({key: texts for key, texts in found.items() if texts[0] != texts[1]})
+        return not differences and at_rest(session)
+
+    wait_for(equal, "the numbers of settle in the page", differences)
 
 
 def visible(page: Any, node: str) -> bool:
