@@ -198,14 +198,17 @@ def test_poses_alone_with_unlike_wheels_are_those_of_a_batch() -> None:
 @pytest.mark.parametrize("interpolation", ["linear", "cubic"])
 @pytest.mark.parametrize("mode", ["contact", "equilibrium"])
 def test_plain_numbers_give_the_pose_of_arrays(mode: str, interpolation: str) -> None:
-    rover, terrain, spots, _ = rough_places(12)
+    rover, terrain, spots, steering = rough_places(12)
+    steering[::3] = 0.0
+    steering.flags.writeable = False
     terrain = rb.Terrain.from_array(terrain.z, terrain.spacing, terrain.origin, interpolation)
     spots[:, 0] = 1.0, -2.0, 1.0
-    whole = rb.settle(rover, terrain, *spots, mode=mode)
+    whole = rb.settle(rover, terrain, *spots, mode=mode, steering=steering)
     for k in range(12):
+        turn = None if k % 3 == 0 else steering[k].tolist() if k % 3 == 1 else steering[k]
         for kind in (float, np.float64, int) if k == 0 else (float,):
-            alone = rb.settle(rover, terrain, *map(kind, spots[:, k]), mode=mode)
-            arrays = rb.settle(rover, terrain, *map(np.array, spots[:, k]), mode=mode)
+            alone = rb.settle(rover, terrain, *map(kind, spots[:, k]), mode=mode, steering=turn)
+            arrays = rb.settle(rover, terrain, *map(np.array, spots[:, k]), mode=mode, steering=turn)
             for name in ("x", "y", "yaw", "q", "status", "steering", "report"):
                 value, other, of_batch = (getattr(pose, name) for pose in (alone, arrays, whole))
                 if value is None:

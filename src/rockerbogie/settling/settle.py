@@ -61,10 +61,10 @@ def settle(
     expect(terrain, Terrain, "terrain", "make one with rockerbogie.Terrain.from_array, from_raster or rockerbogie.surfaces")
     check_mode(mode)
     field = checked_gravity(gravity)
-    if steering is None and _is_finite(x) and _is_finite(y) and _is_finite(yaw):
-        return _settle_one(rover, terrain, float(x), float(y), float(yaw), mode, field)  # type: ignore[arg-type]
-    px, py, facing = _numbers("x", x), _numbers("y", y), _numbers("yaw", yaw)
     turn = check_steering(rover, steering)
+    if turn.ndim == 1 and _is_finite(x) and _is_finite(y) and _is_finite(yaw):
+        return _settle_one(rover, terrain, float(x), float(y), float(yaw), turn, mode, field)  # type: ignore[arg-type]
+    px, py, facing = _numbers("x", x), _numbers("y", y), _numbers("yaw", yaw)
     try:
         shape = np.broadcast(px, py, facing, turn[..., 0]).shape
     except ValueError as error:
@@ -91,12 +91,14 @@ def _is_finite(value: object) -> bool:
     return isinstance(value, NUMBER) and -LARGEST <= value <= LARGEST
 
 
-def _settle_one(rover: Rover, terrain: Terrain, x: float, y: float, yaw: float, mode: Mode, gravity: float) -> Pose:
-    """Solve for one pose without steering: as `settle`, with fewer steps in Python."""
-    px, py, facing, turn = np.array((x,)), np.array((y,)), np.array((yaw,)), np.zeros((1, 6))
+def _settle_one(
+    rover: Rover, terrain: Terrain, x: float, y: float, yaw: float, steering: Array, mode: Mode, gravity: float
+) -> Pose:
+    """Solve for one pose: as `settle`, with fewer steps in Python."""
+    px, py, facing = np.array((x,)), np.array((y,)), np.array((yaw,))
     q, status = np.empty((1, 6)), np.empty(1, np.uint8)
     report = np.empty((1, R_SIZE)) if mode == "equilibrium" else NO_REPORT
-    settle_batch(mode, Batch(rover, terrain, px, py, facing, turn, q, status, report))
+    settle_batch(mode, Batch(rover, terrain, px, py, facing, flat(steering, 6), q, status, report))
     pose = object.__new__(Pose)  # its `__init__` sets the fields of a frozen class one by one, which takes 0.7 µs more
     pose.__dict__.update(
         rover=rover,
@@ -104,7 +106,7 @@ def _settle_one(rover: Rover, terrain: Terrain, x: float, y: float, yaw: float, 
         x=px.reshape(()),
         y=py.reshape(()),
         yaw=facing.reshape(()),
-        steering=turn[0],
+        steering=steering,
         q=q[0],
         status=status.reshape(()),
         report=report[0] if mode == "equilibrium" else None,
