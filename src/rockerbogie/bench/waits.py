@@ -12,6 +12,8 @@ from itertools import count
 from statistics import median
 from time import perf_counter
 
+import numpy as np
+
 from .._kernels.jit.parallel import threads
 from .._kernels.jit.uncompiled import WAIT
 from ..maps.traversability import traversability
@@ -26,6 +28,8 @@ STARTS = 5  # new processes of which the median is taken
 FEW = 10  # poses in equilibrium mode and single poses are fewer by this factor
 MAP_SIDE = 60.0  # m, side of the part of the terrain that is mapped
 HEADINGS = 16
+AHEAD = 0.05  # m, distance of a planner's next poses from its last one
+TURNS = np.linspace(0.0, 2 * np.pi, 16, endpoint=False)  # rad, their directions
 
 #: Settles the first pose after an installation, then ends the process that compiles in the background.
 FIRST_START = """
@@ -89,6 +93,12 @@ def _settling(case: Case, poses: int) -> Iterator[tuple[str, float]]:
         return settle(case.rover, case.terrain, few[0][k], few[1][k], few[2][k])
 
     yield f"one pose: {case.name}", each(settle_one, len(few[0]))
+
+    def settle_next() -> object:
+        k = next(calls) % len(few[0])
+        return settle(case.rover, case.terrain, few[0][k] + AHEAD * np.cos(TURNS), few[1][k] + AHEAD * np.sin(TURNS), few[2][k])
+
+    yield f"next poses: {case.name}", each(settle_next, len(few[0])) / TURNS.size
     yield f"equilibrium: {case.name}", best(lambda: settle(case.rover, case.terrain, *few, mode="equilibrium"), 3) / len(few[0])
 
 
