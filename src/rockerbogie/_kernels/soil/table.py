@@ -180,8 +180,8 @@ def motion_table_forces(table: Array, load: float, rim: float, vx: float, vy: fl
         space: (SPACE,) work space; one array serves all calls of a thread.
 
     Returns:
-        COMPUTED; OUT_OF_RANGE if |slip| > 1 or the load is above the table; OVERLOADED if the soil cannot carry the load. The
-        forces are finite in all cases.
+        COMPUTED; OVERLOADED if the soil cannot carry the load; otherwise OUT_OF_RANGE if |slip| > 1 or the load is above the
+        table. The forces are finite in all cases.
     """
     flip = rim < 0.0 or (rim == 0.0 and vx < 0.0)
     if flip:
@@ -208,7 +208,7 @@ def motion_table_forces(table: Array, load: float, rim: float, vx: float, vy: fl
             out[n, 1] += weight * (turn * other[n, 1] - out[n, 1])
             out[n, 2], out[n, 3] = by_rim, by_vx
             out[n, 4] += weight * (turn * other[n, 4] - out[n, 4])
-        code = OUT_OF_RANGE
+        code = OVERLOADED if out[SINKAGE, 0] > DEEP * table[T_DEEPEST] else OUT_OF_RANGE
     if flip:
         for n in range(4):
             if n == DRAWBAR or n == TORQUE:
@@ -235,7 +235,8 @@ def table_forces(table: Array, load: float, slip: float, slip_angle: float, out:
         space: (SPACE,) work space; one array serves all calls of a thread.
 
     Returns:
-        COMPUTED; OUT_OF_RANGE if |slip| > 1 or the load is above the table; OVERLOADED if the soil cannot carry the load.
+        COMPUTED; OVERLOADED if the soil cannot carry the load; otherwise OUT_OF_RANGE if |slip| > 1 or the load is above the
+        table.
     """
     code = COMPUTED
     if abs(slip) > 1.0:
@@ -249,7 +250,7 @@ def table_forces(table: Array, load: float, slip: float, slip_angle: float, out:
         out[n, 3] = vx * (1.0 + tangent * tangent) * out[n, 4]
         out[n, 2] = by_slip
         out[n, 4] = 0.0
-    return code if code != COMPUTED else found
+    return found if code == COMPUTED or found == OVERLOADED else code
 
 
 @fma_njit
