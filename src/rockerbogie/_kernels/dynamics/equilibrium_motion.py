@@ -34,6 +34,10 @@ START_SCALE, START_RATIO = 0.3, 0.3  # first slip scale of the primal-dual metho
 SLOW_SCALE, SLOW_RATIO = 1.0, 0.5  # the same of its second attempt
 FAR = 0.4  # residual, of the weight, from which it starts with a larger slip scale
 LONGEST = 0.3  # of the weight: largest change of a load in one of its steps
+RELAXATIONS = 150  # steps of a relaxation
+DAMPED = 1.0  # first damping of a relaxation: at the reference speed, this share of the weight
+LEAST_DAMPED, MOST_DAMPED = 1e-12, 30.0  # least and largest damping
+LESS_DAMPED, MORE_DAMPED = 0.4, 3.0  # factors on the damping after a step that decreases the residual, and after another
 FASTEST = 30.0  # times the reference speed: a faster motion is no equilibrium
 
 
@@ -191,12 +195,54 @@ def continued(s: Station, rover: Array, law: Law, soil: bool, first: float, goal
 
 
 @njit
+def relax(s: Station, rover: Array, law: Law, m: Motion) -> int:
+    """Solve the balance on soil by pseudo-transient continuation from m.z.
+
+    The rover decelerates as if each contact had a viscous damper (implicit Euler steps). The damping decreases with the residual,
+    so that the last steps are Newton's. A step may increase the residual: kinks of the soil's table hold Newton's method up.
+
+    Args:
+        s, rover, law: as for `residual_at`.
+        m: work arrays; z is replaced.
+
+    Returns:
+        Number of steps; -1 - steps without convergence.
+    """
+    damping, before = DAMPED, math.inf
+    for it in range(RELAXATIONS + 1):
+        total = residual_at(s, rover, law, True, SLIP_SCALE, SMOOTHING, m.z, 0.0, m)
+        if largest(m.residual) < RESIDUAL:
+            return it
+        damping = min(max(damping * (LESS_DAMPED if total < before else MORE_DAMPED), LEAST_DAMPED), MOST_DAMPED)
+        before = total
+        for k in range(EQUATIONS):
+            m.step[k] = -m.residual[k]
+        for i in range(6):
+            for a in range(FREE):
+                for b in range(FREE):
+                    drag = s.ways[i, 0, a] * s.ways[i, 0, b] + s.ways[i, 1, a] * s.ways[i, 1, b]
+                    m.jacobian[a, b] -= damping / (6.0 * law.speed) * drag
+        if it == RELAXATIONS or not (math.isfinite(total) and decompose(m.jacobian, m.order)):
+            return -1 - it
+        solve_transposed(m.jacobian, m.order, m.step)
+        share = 1.0
+        for k in range(EQUATIONS):
+            share = min(share, (law.speed if k < FREE else LONGEST) / max(abs(m.step[k]), 1e-300))
+        for k in range(EQUATIONS):
+            m.z[k] += share * m.step[k]
+        for k in range(FREE):
+            if not abs(m.z[k]) < FASTEST * law.speed:
+                return -1 - it
+    return -1 - RELAXATIONS
+
+
+@njit
 def solve_motion(s: Station, rover: Array, law: Law, m: Motion) -> int:
     """Solve for the motion and the loads at which the wheel forces balance.
 
     Newton's method starts from the solution at the pose before; on rigid terrain it is the primal-dual one. If it fails,
     continuations follow, from that solution and from a rover at rest: with decreasing slip scales of friction, and from
-    friction to soil.
+    friction to soil. On soil, a relaxation from rest comes last.
 
     Args:
         s, rover, law: as for `residual_at`.
@@ -227,7 +273,13 @@ def solve_motion(s: Station, rover: Array, law: Law, m: Motion) -> int:
     if law.soil:
         count, scale = continued(s, rover, law, False, 1.0, 0.3, m)
         total += count
-        if scale == math.inf:
-            return -1
-    count, m.scale[0] = continued(s, rover, law, law.soil, 1.0, SLIP_SCALE, m)
+        if scale < math.inf:
+            count, m.scale[0] = continued(s, rover, law, True, 1.0, SLIP_SCALE, m)
+            total += count
+            if m.scale[0] < math.inf:
+                return total
+        reset_motion(m)
+        count, m.scale[0] = relax(s, rover, law, m), SLIP_SCALE
+        return total + count if count >= 0 else -1
+    count, m.scale[0] = continued(s, rover, law, False, 1.0, SLIP_SCALE, m)
     return total + count if m.scale[0] < math.inf else -1
