@@ -197,6 +197,8 @@ def _summary(run: xr.Dataset) -> dict[str, Any]:
         "mean_load_by_wheel": np.nanmean(run["normal_force"].to_numpy(), axis=0),
         "lifted_by_wheel": run["wheel_lifted"].to_numpy().mean(axis=0),
     }
+    if "law_exceeded" in run:
+        result["law_exceeded_by_wheel"] = run["law_exceeded"].to_numpy().mean(axis=0)
     return result
 
 
@@ -224,3 +226,9 @@ def _print_summary(result: dict[str, Any]) -> None:
             f"{result['mean_load_by_wheel'][i]:.1f} N", f"{100 * result['lifted_by_wheel'][i]:.1f} %",
         )  # fmt: skip
     console.print(table)
+    share = float(np.max(result.get("law_exceeded_by_wheel", 0.0)))
+    if share > 0.0:
+        console.print(
+            f"Caution: on up to {100 * share:.1f} % of the stations a wheel is outside the soil law's range: its axle moves "
+            "against its turning, or its load is above half of the weight. Its forces are extrapolated there."
+        )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -243,6 +245,27 @@ def test_rollouts_take_lists_of_soils_and_commands(rover: rb.Rover) -> None:
     assert np.isfinite(run["x"][0]).all()
     assert np.isnan(run["x"][1, -1])
     assert run["ends_because"][1] == "all commands were driven"
+
+
+def test_a_soil_that_cannot_carry_the_rover_ends_the_drive(rover: rb.Rover) -> None:
+    """Check soil in which the wheels would slide back at full depth."""
+    weak = dataclasses.replace(rb.load_soil("dry-sand"), name="weak", cohesion=0.0, kc=0.0, kphi=2.0e4, exponent=1.0)
+    for degrees in (0.0, 10.0):
+        run = rb.predict(rover, tilted(degrees), (20.0, 8.0, np.pi / 2), rb.Path.straight((0, 0), 0.0, 1.0), soil=weak)
+        assert run.attrs["end"] == "OVERLOADS"
+        assert run.sizes["time"] == 0
+
+
+def test_wheels_outside_the_soil_law_are_marked(rover: rb.Rover) -> None:
+    path = rb.Path.straight((0, 0), 0.0, 0.5)
+    runs = [
+        rb.predict(rover, tilted(degrees), (20.0, 18.0, np.pi / 2), path, soil="dry-sand", gravity=3.71, details=False)
+        for degrees in (5.0, 20.0)
+    ]
+    assert not runs[0]["law_exceeded"].any()
+    assert runs[1]["law_exceeded"].all(), "the rover slides back"
+    assert (runs[1]["y_rate"] < 0.0).all()
+    assert "law_exceeded" not in rb.predict(rover, tilted(5.0), (20.0, 18.0, 0.0), path, friction=0.8)
 
 
 def test_commands_at_dates_are_refused() -> None:

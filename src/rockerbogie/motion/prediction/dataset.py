@@ -21,6 +21,7 @@ from ..path import Path
 from ..slip import slip_ratio
 from .commands import PackedCommands
 from .outcome import STATUS_AFTER, TEXT, DriveEnd
+from .soil import LOADS
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -38,6 +39,11 @@ EXTRA: dict[str, tuple[tuple[str, ...], str, str]] = {
     "wheel_torque": (("wheel",), "N m", "torque of the hub motor, forward positive"),
     "wheel_rate_command": (("wheel",), "rad/s", "commanded rate of the hub motor"),
     "wheel_lifted": (("wheel",), "1", "1 if the wheel carries no load and would lift"),
+    "law_exceeded": (
+        ("wheel",),
+        "1",
+        "on soil: 1 if the axle moves against the wheel's turning, or the load is above the table; forces are extrapolated",
+    ),
     "motor_work": ((), "J", "work of the motors since the start"),
     "dissipation": ((), "J", "work lost by slip since the start"),
     "height_gain": ((), "J", "gain of potential energy since the start"),
@@ -95,7 +101,8 @@ def prediction_dataset(
     time = steps * packed.span
     station = np.minimum(steps, counts[:, None] - 1) if n else np.zeros((0, records), dtype=np.int64)
     steering = packed.rows[which[:, None], station, kernel.C_STEERING :]
-    values = _values(rover, out, steering, inputs["gravity"]) | _commanded(packed, commands, first, which, steps)
+    on_soil = bool(inputs["soils"].size) and bool(inputs["soils"].flat[0])
+    values = _values(rover, out, steering, inputs["gravity"], on_soil) | _commanded(packed, commands, first, which, steps)
     reached = np.isfinite(out[..., 0])
     for name in ("x_command", "y_command", "yaw_command"):
         if name in values:
@@ -186,7 +193,7 @@ def _plain(values: NDArray[np.generic]) -> NDArray[np.generic]:
     return values.astype(np.uint8) if values.dtype == np.bool_ else values
 
 
-def _values(rover: Rover, out: Array, steering: Array, gravity: float) -> dict[str, NDArray[Any]]:
+def _values(rover: Rover, out: Array, steering: Array, gravity: float, soil: bool) -> dict[str, NDArray[Any]]:
     """Return the variables that records hold, each (n, records, ...)."""
     x, y, yaw = (out[..., k] for k in range(3))
     z, roll, pitch, rocker = (out[..., kernel.R_Q + k] for k in range(4))
@@ -205,6 +212,9 @@ def _values(rover: Rover, out: Array, steering: Array, gravity: float) -> dict[s
     values["slip_ratio"] = slip_ratio(rim, travel)
     values["slip_angle"] = np.arctan2(values["side_slip"], np.abs(travel))
     values["wheel_lifted"] = values["normal_force"] < LIFTED_SHARE * rover.mass * gravity
+    if soil:
+        against = rim * travel < 0.0
+        values["law_exceeded"] = against | (values["normal_force"] > LOADS[1] * rover.mass * gravity)
     values["motor_work"], values["dissipation"] = out[..., kernel.R_WORK], out[..., kernel.R_LOSS]
     R = body_transform(x, y, z, roll, pitch, yaw)[..., :3, :3]
     rates = np.stack([values["x_rate"], values["y_rate"], values["z_rate"]], axis=-1)
