@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from .logs.slip_fit import fit_soil as fit_soil
     from .logs.slip_log import read_slip_log as read_slip_log
     from .logs.slip_table import slip_table as slip_table
+    from .logs.slip_table import write_slip_table as write_slip_table
     from .logs.validate import validate as validate
     from .maps.files import read_map as read_map
     from .maps.files import write_map as write_map
@@ -258,6 +259,7 @@ _EXPORTS = {
     "SlipCost": "maps.slip",
     "slip_layers": "maps.slip",
     "slip_table": "logs.slip_table",
+    "write_slip_table": "logs.slip_table",
     "forecast_slip": "logs.forecast",
     "score_forecast": "logs.forecast_score",
     "benchmark_mars": "logs.benchmark",

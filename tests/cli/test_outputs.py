@@ -114,6 +114,7 @@ WRITERS: dict[str, tuple[list[str], list[str]]] = {
         ["prediction.nc", "prediction.csv", "map.png", "prediction.png", "p.html"],
     ),
     "soils": (["soils", "dry-sand", "-o", "out/s.png"], ["s.png"]),
+    "slip-table": (["slip-table", "dry-sand", "-r", "sawppy", "--slopes", "0", "-o", "out/slip.csv"], ["slip.csv"]),
     "bench": (["bench", "--save", "out/b.json"], ["b.json"]),
 }  # fmt: skip
 #: Files that people edit: these commands replace their own only with --force.

@@ -39,6 +39,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "compile": ("rockerbogie.cli.compile:compile_", "Compile all kernels for this machine in advance."),
     "rovers": ("rockerbogie.cli.rovers:app", "List rovers, show one, write a rover file, or import a robot file."),
     "soils": ("rockerbogie.cli.soils:soils_", "List soils, show one, draw the forces on a wheel in it."),
+    "slip-table": ("rockerbogie.cli.slip_table:slip_table_", "Tabulate slip by slope, heading and soil, as CSV for operators."),
     "export": ("rockerbogie.cli.export:export", "Export a rover as URDF, SDF, MJCF or TOML, or with terrain as a Gazebo world."),
 }
 

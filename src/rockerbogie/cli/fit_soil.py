@@ -171,7 +171,7 @@ def _write(
             writer.writerow([*row, int(one["warning"]), *last])
     if curve is None:
         return [picture, record, steps]
-    write_slip_table(slip_table(curve), table)
+    write_slip_table(slip_table(curve), table, force=True)  # guarded with the other files
     return [picture, record, steps, table]
 
 

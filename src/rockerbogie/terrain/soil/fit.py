@@ -124,6 +124,7 @@ class WheelFit:
     Attributes:
         soil: the fitted soil.
         values, deviations: fitted parameters and their standard deviations by name, from the linearised posterior.
+        covariance: (n, n) of the parameters, in the order of `values`.
         cost: half the sum of squares, priors included.
         residuals: of the trials that were fitted.
     """
@@ -131,8 +132,31 @@ class WheelFit:
     soil: Soil
     values: dict[str, float]
     deviations: dict[str, float]
+    covariance: Array
     cost: float
     residuals: TrialResiduals
+
+    def samples(self, count: int, seed: int = 0) -> list[Soil]:
+        """Return soils drawn from the linearised posterior.
+
+        Parameters are drawn together, from a normal distribution, and clipped to the limits of the fit.
+
+        Args:
+            count: number of soils, at least 1.
+            seed: of the random numbers.
+
+        Returns:
+            The soils.
+
+        Raises:
+            RockerbogieError: a count below 1.
+        """
+        if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+            raise RockerbogieError(f"count is {count!r:.40}; give a whole number of samples, at least 1")
+        names = list(self.values)
+        drawn = np.random.default_rng(seed).multivariate_normal(list(self.values.values()), self.covariance, count)
+        drawn = np.clip(drawn, *_bounds(names))
+        return [changed_soil(self.soil, dict(zip(names, row, strict=True))) for row in drawn.tolist()]
 
 
 def trial_residuals(soil: Soil, trials: WheelTrials, *, gravity: float = EARTH) -> TrialResiduals:
@@ -199,12 +223,14 @@ def fit_wheel_trials(
     start = np.clip(np.zeros(len(names)), limits[0] + 1e-9, limits[1] - 1e-9)
     solved = least_squares(equations, start, bounds=limits, diff_step=STEP, max_nfev=steps)
     values = dict(zip(names, (mean + deviation * solved.x).tolist(), strict=True))
-    spread = np.sqrt(np.diag(np.linalg.inv(solved.jac.T @ solved.jac))) * deviation
+    covariance = np.linalg.inv(solved.jac.T @ solved.jac) * np.outer(deviation, deviation)
+    spread = np.sqrt(np.diag(covariance))
     fitted = changed_soil(soil, values)
     return WheelFit(
         fitted,
         values,
         dict(zip(names, spread.tolist(), strict=True)),
+        covariance,
         float(solved.cost),
         _residuals(fitted, columns, wheels, field),
     )
