@@ -9,6 +9,7 @@ from test_loads import settled
 import rockerbogie as rb
 from rockerbogie._kernels.jit.vectors import LANES, NumpyRows
 from rockerbogie._kernels.statics import primal_dual
+from rockerbogie._kernels.statics.lane_friction import UNSOLVED, friction_batch
 from rockerbogie._kernels.statics.lane_rows import CONTACTS, PROBLEM, RAY, RESULT, ROWS, STATE, VECTORS, WHEEL, WHEELS
 from rockerbogie.statics.contacts import pack_contacts
 
@@ -69,3 +70,24 @@ def test_contacts_of_lanes_are_those_of_the_pose(name: str, surface: str) -> Non
         slow, fast = pack_contacts(many), pack_contacts(many, fast=True)
         np.testing.assert_allclose(fast.point, slow.point, atol=1e-6)  # known to the root of the gap's rounding
         np.testing.assert_allclose(fast.normal, slow.normal, atol=1e-6)
+
+
+def test_lanes_prove_the_minimum_where_some_contacts_stay_in_place() -> None:
+    """Test terrain on which one pose in thirty has such a contact in the motion of the proof."""
+    rover, terrain = rb.load_rover("curiosity"), rb.surfaces.fractal(2, size=80.0, spacing=1.0, interpolation="linear")
+    x = np.linspace(-30.0, 30.0, 40)
+    pose = rb.settle(rover, terrain, x, x[:, None], 0.0)
+    packed, n = pack_contacts(pose), pose.status.size
+    field, gap = np.array([[0.0, 0.0, -1.0]]), 1e-7
+    force, torque, limit = np.empty((n, 6, 3)), np.empty((n, 6)), np.empty((n, 3))
+    required, bound, belly, status = np.empty(n), np.empty(n), np.empty(n), np.empty(n, dtype=np.uint8)
+    friction_batch(
+        *packed[:9], field, np.zeros(1), gap, force, torque, required, bound, limit, belly, status, 0, 0, n
+    )  # fmt: skip
+    placed = np.isfinite(pose.z.ravel())
+    assert placed.sum() > 1500
+    assert (status[placed] == UNSOLVED).mean() < 1e-3
+    held = placed & (status != UNSOLVED)
+    assert (required - bound)[held].max() < 1.1e-5  # PROVED times gap, and rounding
+    stays = np.linalg.norm(force[..., 1:], axis=-1) < 0.99 * required[:, None] * force[..., 0]
+    assert stays[held].any(axis=1).mean() > 0.01

@@ -29,7 +29,8 @@ from .lane_problem import (
     take_pose,
     vector,
 )
-from .lane_rows import BALANCE, CONTACTS, EQUATIONS, LIMITS, LINK, PROBLEM, RESULT, STATE, VECTORS, WHEEL, WHEELS
+from .lane_proof import is_proved, proved, shifted_motion, wide_bound
+from .lane_rows import BALANCE, CONTACTS, EQUATIONS, LINK, PROBLEM, RESULT, STATE, VECTORS, WHEEL, WHEELS
 from .primal_dual import balance_step, friction_step
 
 Array = NDArray[np.float64]
@@ -40,9 +41,7 @@ LOST = 1e-3  # share of a step below which the path is lost
 WIDEST = 64.0  # largest friction coefficient tried
 STEEP, ABOVE = 1.3, 0.05  # first friction coefficient: STEEP times the contacts' mean slope, and ABOVE
 LEAST_COSINE = 0.05  # of a contact's slope in it
-PROOF = 1.5  # of the power v·b: work that the proof takes from the motion
 LAST = 1e-3  # of that power: the search ends without a proof
-PROVED = 100.0  # of that power: largest gap between the least friction found, or 1, and its bound
 ROUNDING = 1e-9  # taken from a proved coefficient, for the rounding of velocities and power
 UNSOLVED = 255
 
@@ -68,7 +67,7 @@ def friction_batch(
     block = new_block(rover, first, WHEELS)
     t = block_view(block)
     lanes = t.lanes
-    low, high, began = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
+    low, high, began, known = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
     status[first:last] = UNSOLVED
     busy = 0
     while True:
@@ -78,6 +77,7 @@ def friction_batch(
                 if k >= 0:
                     low[l], high[l], began[l] = 0.0, WIDEST, set_balance(t, l, field, drawbar)
                     start(t, l, began[l], 0.0)
+                    known[l] = 0.0
                     busy += 1
         if busy == 0:
             break
@@ -93,7 +93,7 @@ def friction_batch(
                 elif t.steps[l] - t.first[l] >= CENTRE_STEPS:
                     low[l], lost = began[l], True
             elif lanes[RESULT.gap * LANES + l] < gap:
-                done = _finish(t, l, field, gap, force, torque, required, bound, limit, belly, status, solved)
+                done = _finish(t, l, field, gap, force, torque, required, bound, limit, belly, status, solved, known)
                 done |= lanes[RESULT.gap * LANES + l] < LAST * gap
             elif not lanes[RESULT.bowed * LANES + l] > 0.0 or not lanes[RESULT.alpha * LANES + l] > LOST:
                 high[l], lost = began[l], True
@@ -165,71 +165,10 @@ def _free(t: Block, l: int) -> None:
 
 
 @njit
-def _shifted_motion(t: Block, l: int, v: Array) -> None:
-    """Fill v with the motion of the last step, shifted so that gravity works in it.
-
-    The shift costs the contacts least of what they can spare.
-
-    Args:
-        t: work arrays.
-        l: lane.
-        v: (9,) filled.
-    """
-    lanes = t.lanes
-    work, size = 0.0, 0.0
-    for n in range(BALANCE_EQUATIONS):
-        b = lanes[(PROBLEM.b + n) * LANES + l]
-        work += b * lanes[(STATE.v + n) * LANES + l]
-        size += b * lanes[(RESULT.proof + n) * LANES + l]
-    shift = PROOF * max(work, 0.0) / size
-    for n in range(BALANCE_EQUATIONS):
-        v[n] = lanes[(STATE.v + n) * LANES + l] - shift * lanes[(RESULT.proof + n) * LANES + l]
-
-
-@njit
-def proved(t: Block, l: int, v: Array) -> float:
-    """Return the friction coefficient that a motion proves too small, or 0 (docs/forces.md).
-
-    Args:
-        t: work arrays.
-        l: lane.
-        v: (9,) virtual motion.
-    """
-    lanes, work = t.lanes, 0.0
-    for n in range(BALANCE_EQUATIONS):
-        work += v[n] * lanes[(PROBLEM.b + n) * LANES + l]
-    good = work < 0.0
-    for j in range(3):
-        if lanes[(PROBLEM.limit + j) * LANES + l] > 0.0:
-            good &= lanes[(PROBLEM.sign + j) * LANES + l] * v[LIMITS[j]] >= 0.0
-    least, p, u = math.inf, np.empty(3), np.empty(3)
-    for i in range(t.queue[CAPACITY]):
-        if lanes[(WHEEL.on + i) * LANES + l] == 0.0:
-            continue
-        bogie, half = v[i % 2] if i % WHEELS > 1 else 0.0, t.line[l, :, i % WHEELS]
-        long = t.queue[CAPACITY] == WHEELS and (half[0, 0] != 0.0 or half[0, 1] != 0.0)
-        for end in range(2 if long else 1):  # both ends of a line that counts at its middle
-            s, along = (2.0 * end - 1.0) if long else 0.0, 0.0
-            for c in range(3):
-                p[c] = lanes[(WHEEL.point + CONTACTS * c + i) * LANES + l] + s * half[0, c]
-            for c in range(3):
-                a, b = (c + 1) % 3, (c + 2) % 3
-                u[c] = v[BALANCE[c]]
-                u[c] += v[BALANCE[6]] * (lanes[(WHEEL.rocker + CONTACTS * c + i) * LANES + l] + s * half[1, c])
-                u[c] += bogie * (lanes[(WHEEL.bogie + CONTACTS * c + i) * LANES + l] + s * half[2, c])
-                u[c] += v[BALANCE[3 + a]] * p[b] - v[BALANCE[3 + b]] * p[a]
-                along += u[c] * lanes[(WHEEL.normal + CONTACTS * c + i) * LANES + l]
-            good &= along >= 0.0
-            across = math.sqrt(max(u[0] ** 2 + u[1] ** 2 + u[2] ** 2 - along * along, 0.0))
-            least = min(least, along / across)
-    return least if good and least > 0.0 else 0.0
-
-
-@njit
 def _finish(
     t: Block, l: int, field: Array, gap: float,
     force: Array, torque: Array, required: Array, bound: Array, limit: Array, belly: Array, status: NDArray[np.uint8],
-    solved: int,
+    solved: int, low: Array,
 ) -> bool:  # fmt: skip
     """Write the results of a lane's pose if its friction coefficient is proved minimal.
 
@@ -240,15 +179,21 @@ def _finish(
         force, torque, required, bound, limit, belly: as for `friction_batch`; the pose's items are written if it is proved.
         status: as for `friction_batch`; the pose's item is replaced by `solved` if it is proved.
         solved: status of a proved pose.
+        low: (LANES,) friction coefficients proved too small; the lane's is replaced by a larger one. The last step counts it.
 
     Returns:
         True if it is proved.
     """
-    v = np.empty(BALANCE_EQUATIONS)
-    _shifted_motion(t, l, v)
+    lanes, v = t.lanes, np.empty(BALANCE_EQUATIONS)
+    shifted_motion(t, l, v)
     below = proved(t, l, v)
-    if not is_proved(t.lanes[STATE.mu * LANES + l], below, gap):
-        return False
+    if not is_proved(lanes[STATE.mu * LANES + l], below, gap):
+        low[l] = max(low[l], wide_bound(t, l, gap))
+        if not lanes[RESULT.gap * LANES + l] < LAST * gap:
+            return False
+        below = max(below, low[l])
+        if not is_proved(lanes[STATE.mu * LANES + l], below, gap):
+            return False
     balance_step(t.lanes, WHEELS)
     if not is_proved(friction_used(t, l), below, gap):  # a wheel that carries almost nothing may use more friction by rounding
         return False
@@ -275,18 +220,6 @@ def friction_used(t: Block, l: int) -> float:
             n = fx * nx + fy * ny + fz * nz
             used = max(used, math.sqrt(max(fx * fx + fy * fy + fz * fz - n * n, 0.0)) / n if n > 0.0 else math.inf)
     return used
-
-
-@njit
-def is_proved(mu: float, below: float, gap: float) -> bool:
-    """Return True if a friction coefficient is proved minimal.
-
-    Args:
-        mu: the coefficient.
-        below: coefficient proved too small.
-        gap: as for `friction_batch`.
-    """
-    return mu - below < PROVED * gap * max(1.0, mu)
 
 
 @njit

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..jit.decorators import njit
 from ..jit.vectors import LANES
 from .balance import EQUATIONS as BALANCE_EQUATIONS
-from .lane_friction import UNSOLVED, WIDEST, friction_used, is_proved, proved, set_balance, store_forces
+from .lane_friction import UNSOLVED, WIDEST, friction_used, set_balance, store_forces
 from .lane_problem import (
     AFTER,
     ANY,
@@ -32,6 +32,7 @@ from .lane_problem import (
     take_pose,
     vector,
 )
+from .lane_proof import is_proved, proved
 from .lane_rows import (
     BOGIE_LEFT,
     BOGIE_RIGHT,
