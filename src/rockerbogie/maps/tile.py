@@ -16,9 +16,10 @@ from ..settling.settle import Mode, settle
 from ..settling.status import Status
 from ..statics.stability import force_values
 from ..terrain.heightfield import Terrain
+from .belly import UpperPlanes, clearance_at
 from .cells import Cells, Tile
 from .layers import LAYERS, WORST, kind_of
-from .limits import Limits, exceeded, margin
+from .limits import BITS, Limits, exceeded, margin
 
 Array = NDArray[np.float64]
 #: Function for a layer's values: its name, their region on the map, the values.
@@ -30,6 +31,8 @@ Tick = Callable[[float], None]
 HEADINGS = 4
 #: Poses of a batch at first, at least and at most, and the time that a batch should take, s: work stops between batches.
 FIRST_BATCH, MOST_BATCH, BATCH_TIME = 256, 1 << 16, 0.15
+#: Layers that need the clearance itself; for all others it only matters if it is above its limit.
+_CLEARANCES = frozenset({"clearance", "worst_clearance", "exceeded", "worst_exceeded"})
 #: Heights per diameter of the disc over which roughness is computed.
 ACROSS = 7
 
@@ -77,6 +80,9 @@ class Job:
         """
         x, y = self.cells.x(tile.cols), self.cells.y(tile.rows)
         summary = _Summary(tile.shape, len(self.headings), kind_of("worst_exceeded", self.limits))
+        planes = None
+        if self.limits.clearance is not None and _CLEARANCES.isdisjoint(self.layers):
+            planes = UpperPlanes.of(self.rover, terrain, x, y, len(self.headings))
         pace = _Pace()
         for start in range(0, len(self.headings), HEADINGS):
             part = slice(start, min(start + HEADINGS, len(self.headings)))
@@ -84,7 +90,7 @@ class Job:
             wanted = [name for name in self.layers if LAYERS[name].per_heading]
             layers = {name: np.empty((len(yaw), *tile.shape), kind_of(name, self.limits)) for name in wanted}
             for rows, cols in pace.blocks(tile.shape, len(yaw)):
-                done = self._batch(terrain, x[cols], y[rows], yaw, summary, (rows, cols))
+                done = self._batch(terrain, x[cols], y[rows], yaw, summary, (rows, cols), planes)
                 for name in wanted:
                     layers[name][:, rows, cols] = done[name]
                 tick(done["status"].size / len(self.headings))
@@ -96,15 +102,19 @@ class Job:
                 take(name, tile.region, values)
 
     def _batch(
-        self, terrain: Terrain, x: Array, y: Array, yaw: Array, summary: _Summary, at: tuple[slice, slice]
-    ) -> dict[str, NDArray[Any]]:
+        self, terrain: Terrain, x: Array, y: Array, yaw: Array, summary: _Summary, at: tuple[slice, slice],
+        planes: UpperPlanes | None,
+    ) -> dict[str, NDArray[Any]]:  # fmt: skip
         """Return the layers (headings, rows, cols) of a batch, and add them to the summary."""
         pose = settle(self.rover, terrain, x, y[:, None], yaw[:, None, None], mode=self.mode, gravity=self.gravity)
         tilt = _plain(pose.tilt)
-        look_below = self.limits.clearance is not None or not {"clearance", "worst_clearance"}.isdisjoint(self.layers)
+        look_below = planes is None and (self.limits.clearance is not None or not _CLEARANCES.isdisjoint(self.layers))
         clearance = _plain(pose.clearance) if look_below else None
         forces = {name: _plain(values) for name, values in force_values(pose, self.forces).items()}
         over = exceeded(pose, self.limits, tilt, clearance, forces)
+        if planes is not None and self.limits.clearance is not None:
+            doubtful = (over == 0) & ~planes.clear(pose, yaw, at, self.limits.clearance)
+            over[doubtful] = np.where(clearance_at(pose, doubtful) > self.limits.clearance, 0, BITS["clearance"])
         room = margin(pose, self.limits, tilt) if not {"margin", "worst_margin"}.isdisjoint(self.layers) else None
         summary.add(at, yaw, pose.status, tilt, clearance, over, room, forces)
         layers: dict[str, NDArray[Any] | None] = {
