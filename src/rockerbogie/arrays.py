@@ -1,4 +1,4 @@
-"""Batch shapes: broadcast arrays as the flat contiguous arrays that kernels take."""
+"""Batch shapes, broadcast to the arrays that kernels take, and checks of numbers."""
 
 from __future__ import annotations
 
@@ -10,6 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+
+def is_number(value: object) -> bool:
+    """Return True for one finite real number; False for an array, text or None.
+
+    Args:
+        value: any object.
+
+    Returns:
+        True or False.
+    """
+    return isinstance(value, int | float | np.number) and not isinstance(value, np.complexfloating) and bool(np.isfinite(value))
 
 
 def spanned(array: Array, shape: tuple[int, ...]) -> Array:

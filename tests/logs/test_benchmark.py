@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 
 import numpy as np
 import pytest
 
 import rockerbogie as rb
 from rockerbogie.cli import main
-from rockerbogie.logs.benchmark import plane_attitude
+from rockerbogie.logs.benchmark import _check_scale, plane_attitude
 from support.helpers import assert_close
 
 X, Y, YAW = np.array([-3.0, 0.0, 2.5, 4.0]), np.array([1.0, -2.0, 3.0, -3.5]), np.array([0.3, 2.0, -1.0, 3.0])
@@ -140,14 +141,97 @@ def without_roll(row):
     return {"case": row["case"], "pitch [deg]": 1}
 
 
+def half_filled(row):
+    return {**row, "pitch [deg]": 1, "roll [deg]": 1 if row["case"] != "gale/961" else ""}
+
+
+def not_a_number(row):
+    return {**row, "pitch [deg]": "nan", "roll [deg]": 1}
+
+
+def infinite(row):
+    return {**row, "pitch [deg]": "inf", "roll [deg]": 1}
+
+
+def in_words(row):
+    return {**row, "pitch [deg]": "steep", "roll [deg]": 1}
+
+
+def without_case(row):
+    return {"pitch [deg]": 1, "roll [deg]": 1}
+
+
+def blank_case(row):
+    return {**row, "case": "", "pitch [deg]": 1, "roll [deg]": 1}
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
-    [(other_case, "moon/960"), (one_ended, "both ends"), (in_hundreds, "90 deg"), (without_unit, "unit"), (without_roll, "roll"),
+    [(half_filled, "row 3: pitch or roll is missing"), (not_a_number, "pitch or roll is missing"), (infinite, "inf deg"),
+     (in_words, "'steep'"), (without_case, "no column 'case'"), (blank_case, "no case named ''"),
+     (other_case, "moon/960"), (one_ended, "both ends"), (in_hundreds, "90 deg"), (without_unit, "unit"), (without_roll, "roll"),
      (lambda row: row, "fill in pitch and roll")],
 )  # fmt: skip
 def test_wrong_predictions_give_a_sentence(folder, template, tmp_path, change, says):
     with pytest.raises(rb.RockerbogieError, match=says):
         rb.benchmark_mars(folder, fill(template, tmp_path / "mine.csv", change), draws=0)
+
+
+@pytest.mark.parametrize(("unit", "factor", "says"), [("deg", np.pi / 180, "in rad"), ("rad", 1.0, "90 deg")])
+def test_angles_in_another_unit_than_the_header_are_refused(folder, template, logged, tmp_path, unit, factor, says):
+    def change(row):
+        pitch, roll = (logged[row["case"]] + [0.3, -0.2]) * factor
+        return {"case": row["case"], f"pitch [{unit}]": pitch, f"roll [{unit}]": roll}
+
+    with pytest.raises(rb.RockerbogieError, match=says):
+        rb.benchmark_mars(folder, fill(template, tmp_path / "mine.csv", change), draws=0)
+
+
+def test_small_angles_in_another_unit_are_refused():
+    """Check angles below 1.57, whose size alone does not give the unit away."""
+    logged = np.radians([[1.0, -0.5], [0.7, 0.2], [-1.2, 0.9], [0.1, 1.4]])
+    with pytest.raises(rb.RockerbogieError, match="in deg"):
+        _check_scale("mine.csv", np.degrees(logged) + 0.1, logged)
+    _check_scale("mine.csv", 0.3 * logged, logged)
+    _check_scale("mine.csv", np.zeros_like(logged), logged)
+    _check_scale("mine.csv", np.full_like(logged, np.nan), logged)
+
+
+@pytest.mark.parametrize("text", [b"", b"\n\n", b"case,pitch [deg],roll [deg]\n", b"a,b\n1,2\n", bytes(range(256)), None])
+def test_files_of_another_kind_give_a_sentence(folder, tmp_path, text):
+    file = tmp_path / "mine.csv"
+    if text is not None:
+        file.write_bytes(text)
+    with pytest.raises(rb.RockerbogieError, match="mine.csv"):
+        rb.benchmark_mars(folder, file, draws=0)
+
+
+def test_incomplete_data_are_named(folder, tmp_path):
+    shutil.copytree(folder, tmp_path / "data")
+    log, raster = tmp_path / "data" / "gale" / "curiosity_waypoints.csv", tmp_path / "data" / "gale" / "missionDEM.tif"
+    log.rename(tmp_path / "kept.csv")
+    with pytest.raises(rb.RockerbogieError, match=r"gale: no log at gale/curiosity_waypoints.csv; site78: no terrain model"):
+        rb.benchmark_mars(tmp_path / "data", draws=0)
+    for text, says in (("", "no rows"), ("sol,easting_m,northing_m,pitch_deg,roll_deg,yaw_deg\n960,500,500,1,1,1\n", "OFF_MAP")):
+        log.write_text(text)
+        with pytest.raises(rb.RockerbogieError, match=says):
+            rb.benchmark_mars(tmp_path / "data", draws=0)
+    raster.write_bytes(b"x")
+    with pytest.raises(rb.RockerbogieError, match="not a raster"):
+        rb.benchmark_mars(tmp_path / "data", draws=0)
+
+
+@pytest.mark.parametrize("draws", [-1, 1.5, "many", None, np.nan, 10**9])
+def test_wrong_draws_give_a_sentence(folder, draws):
+    with pytest.raises(rb.RockerbogieError, match="draws is"):
+        rb.benchmark_mars(folder, draws=draws)
+
+
+def test_wrong_folders_give_a_sentence(folder, tmp_path):
+    with pytest.raises(rb.RockerbogieError, match="data is 3"):
+        rb.benchmark_mars(3)
+    with pytest.raises(rb.RockerbogieError, match="no folder at"):
+        rb.write_benchmark_template(tmp_path / "none" / "cases.csv", folder)
 
 
 def test_repeated_case_is_refused(folder, tmp_path):

@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 DATA_VARIABLE = "ROCKERBOGIE_DATA"
 #: Nominal share of values in a band.
 LEVEL = 0.8
+#: Predictions are in the wrong unit if their cosine with the logged angles is above ALIKE, and the ratio of their sizes is
+#: that of radian and degree within a factor MIXED; at least MIXED_COUNT angles must be predicted.
+ALIKE, MIXED, MIXED_COUNT = 0.6, 2.0, 6
 PACKAGE, PLANE, ENTERED = "rockerbogie", "plane", "entered"
 ENDS = ("low", "high")
 
@@ -157,6 +160,8 @@ def write_benchmark_template(file: str | Path, data: str | Path | None = None, *
         RockerbogieError: no data, or the file exists.
     """
     path = Path(file)
+    if not path.parent.is_dir():
+        raise RockerbogieError(f"no folder at {str(path.parent)!r}: make it, or give another name")
     if path.exists() and not force:
         raise RockerbogieError(f"{str(path)!r} exists and may hold predictions: give another name")
     loaded, _ = _load(data)
@@ -180,6 +185,8 @@ def _load(data: str | Path | None) -> tuple[list[_Loaded], dict[str, str]]:
             f"the benchmark needs a folder with gale/ and perseverance/: give data (--data DIR) or set {DATA_VARIABLE}; "
             "docs/benchmark.md lists the files and their sources"
         )
+    if not isinstance(given, str | os.PathLike):
+        raise RockerbogieError(f"data is {given!r:.60}; give the path of the folder that holds gale/ and perseverance/")
     folder = Path(given)
     if not folder.is_dir():
         raise RockerbogieError(f"no data folder at {str(given)!r}: give the folder that holds gale/ and perseverance/")
@@ -197,8 +204,8 @@ def _load(data: str | Path | None) -> tuple[list[_Loaded], dict[str, str]]:
             terrain = Terrain.from_raster(files[0], interpolation="linear")
             loaded.append(_Loaded(about, rover, terrain, read_places(files[1], rover)))
     if not loaded:
-        wanted = ", ".join(about.terrain for about in SETS[:2])
-        raise RockerbogieError(f"{str(folder)!r} holds no data of the benchmark, such as {wanted}: see docs/benchmark.md")
+        reasons = "; ".join(f"{name}: {reason}" for name, reason in absent.items())
+        raise RockerbogieError(f"{str(folder)!r} holds no complete set of the benchmark ({reasons}): see docs/benchmark.md")
     return loaded, absent
 
 
@@ -275,6 +282,10 @@ def _entered(file: Path, cases: xr.Dataset) -> xr.Dataset:
         if name in seen:
             raise RockerbogieError(f"{table.file}: rows {seen[name]} and {table.lines[n]} both predict {name}: leave one out")
         seen[name] = table.lines[n]
+        if np.isnan(read[0][0][n]) != np.isnan(read[0][1][n]):
+            raise RockerbogieError(
+                f"{table.file}: row {table.lines[n]}: pitch or roll is missing: give both, or leave both empty"
+            )
         values[:, known[name]] = [[column[n] for column in kind] for kind in read]
         low, high = values[1:, known[name]]
         if (np.isnan(low) != np.isnan(high)).any() or (low > high).any():
@@ -283,10 +294,31 @@ def _entered(file: Path, cases: xr.Dataset) -> xr.Dataset:
             )
     if not np.isfinite(values[0]).all(axis=1).any():
         raise RockerbogieError(f"{table.file} predicts no case: fill in pitch and roll")
+    _check_scale(table.file, values[0], cases["logged"].to_numpy())
     over = ("contender", "case", "channel")
     made = {name: (over, values[k : k + 1]) for k, name in enumerate(("predicted", *ENDS))}
     others = [name for name in cases.data_vars if name not in made]
     return xr.Dataset(made, {"contender": [ENTERED]}).assign(cases[others])
+
+
+def _check_scale(file: str, predicted: Array, logged: Array) -> None:
+    """Raise if predictions are proportional to logged angles by the ratio of radian and degree.
+
+    Args:
+        file: name, for the message.
+        predicted, logged: (n, 2) rad; NaN where not predicted.
+    """
+    known = np.isfinite(predicted).all(axis=1) & np.isfinite(logged).all(axis=1)
+    p, q = predicted[known].ravel(), logged[known].ravel()
+    if p.size < MIXED_COUNT or not min(np.abs(p).max(), np.abs(q).max()) > 0.0:
+        return
+    alike = (p @ q) / np.sqrt((p @ p) * (q @ q))
+    ratio = np.sqrt((p @ p) / (q @ q))
+    for factor, wrong, right in ((np.pi / 180.0, "deg", "rad"), (180.0 / np.pi, "rad", "deg")):
+        if alike > ALIKE and abs(np.log(ratio / factor)) < np.log(MIXED):
+            raise RockerbogieError(
+                f"{file}: the angles are {ratio:.3g} times the logged ones: they are in {right}, but the header has [{wrong}]"
+            )
 
 
 def _angles(table: Table, name: str, *, required: bool) -> Array:

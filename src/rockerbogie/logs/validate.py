@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import is_number
 from ..errors import RockerbogieError, expect
 from ..files.version import __version__
 from ..rover.model import LOAD_ROVER, Rover
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 CHANNELS = ("pitch", "roll")
+#: Largest number of drawn terrains: they lie in one strip in memory.
+MOST_DRAWS = 10_000
 #: Correlation length of a model's height error, cells: the window of stereo matching.
 ERROR_CELLS = 3.0
 
@@ -142,8 +145,10 @@ def _check(position_sigma: float, height_sigma: float, level: float, apart: floa
             raise RockerbogieError(f"{name} is {value}; give a finite length of 0 or more, in metres")
     if not 0 < level < 1:
         raise RockerbogieError(f"level is {level}; give the share a band holds, between 0 and 1, as in 0.8")
-    if draws < 0 or 0 < draws < 20:
-        raise RockerbogieError(f"draws is {draws}; give 20 or more, or 0 for no band")
+    if not (is_number(draws) and draws == int(draws) and (draws == 0 or 20 <= draws <= MOST_DRAWS)):
+        raise RockerbogieError(
+            f"draws is {draws!r:.60}; give 20 or more, or 0 for no band (a whole number, at most {MOST_DRAWS:,})"
+        )
 
 
 def _arranged(log: xr.Dataset) -> xr.Dataset:

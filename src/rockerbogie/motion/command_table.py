@@ -37,8 +37,10 @@ def read_commands(rover: Rover, commands: xr.Dataset) -> tuple[Array, Array, Arr
     if commands["time"].dtype.kind not in "fiu":
         raise RockerbogieError(f"the time of the commands is of type {commands['time'].dtype}; give seconds")
     time = np.asarray(commands["time"], dtype=float)
-    if len(time) < 2 or not (np.diff(time) > 0).all():
-        raise RockerbogieError(f"commands hold {len(time)} times; give two or more, each later than the last, in seconds")
+    if len(time) < 2 or not (np.isfinite(time).all() and (np.diff(time) > 0).all()):
+        raise RockerbogieError(
+            f"commands hold {len(time)} times; give two or more, each later than the last and finite, in seconds"
+        )
     rate, angle = (_by_wheel(rover, commands[name], unit) for name, unit in (("wheel_rate", "rad/s"), ("steering", "rad")))
     check_steering(rover, angle)
     return time - time[0], rate, angle

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Array
+from ..arrays import Array, is_number
 from ..errors import PathError, RockerbogieError, expect
 from ..files.tables import write_columns
 from ..files.version import __version__
@@ -86,10 +86,10 @@ def drive(
     expect(rover, Rover, "rover", LOAD_ROVER)
     expect(path, Path, "path", "make one with rockerbogie.Path.straight, arc, waypoints or from_arrays")
     check_mode(mode)
-    if not (np.isfinite(speed) and speed > 0):
-        raise PathError(f"speed is {speed} m/s; give one above 0 (to drive backwards, give a path whose yaw points back)")
-    if not (np.isfinite(step) and step > 0):
-        raise PathError(f"step is {step} m; give one above 0")
+    if not (is_number(speed) and speed > 0):
+        raise PathError(f"speed is {speed!r:.60} m/s; give one above 0 (to drive backwards, give a path whose yaw points back)")
+    if not (is_number(step) and step > 0):
+        raise PathError(f"step is {step!r:.60} m; give one above 0")
     if near is not None and steering is not None:
         raise RockerbogieError("steering and near are both given: give steering for fixed angles, or near to choose them")
     count = int(np.ceil(path.length / step - 1e-9))
@@ -101,7 +101,10 @@ def drive(
         turn = ackermann(rover, at.curvature, at.course - at.yaw)
         turn = turn if near is None else _continuous(rover, turn, reading("near", near, 6))
     else:
-        turn = np.asarray(steering, dtype=float)
+        try:
+            turn = np.asarray(steering, dtype=float)
+        except (TypeError, ValueError):
+            raise RockerbogieError(f"steering is {steering!r:.60}; give angles in rad, (6,) or one row a station") from None
     if turn.shape not in ((6,), (len(distance), 6)):
         raise RockerbogieError(f"steering has shape {turn.shape}; give (6,) or ({len(distance)}, 6), one row a station")
     pose = settle(rover, terrain, at.x, at.y, at.yaw, steering=turn, mode=mode, gravity=gravity)

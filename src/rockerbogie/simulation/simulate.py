@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arrays import is_number
 from ..errors import PathError, RockerbogieError, expect
 from ..files.version import __version__
 from ..motion.drive import ackermann, drive
@@ -36,6 +37,8 @@ Array = NDArray[np.float64]
 START_LIFT, STAND = 2e-5, 0.5
 #: Time between commands to the motors, s.
 CONTROL_PERIOD = 0.02
+#: Largest number of control periods of a simulation.
+MOST_TICKS = 5_000_000
 LOAD_TERRAIN = "make one with rockerbogie.Terrain.from_array, from_raster or rockerbogie.surfaces"
 MAKE_PATH = "make one with rockerbogie.Path.straight, arc, waypoints or from_arrays"
 
@@ -103,7 +106,7 @@ def simulate(
         run = _simulate(start, path, driver, duration, travel, what, **settings)  # type: ignore[arg-type]
         run = run.assign(predicted_slip(rover, run))
         return run.assign_attrs(warnings="\n".join(warn_of_slip(rover, run)))
-    if not (_is_number(speed) and speed > 0):
+    if not (is_number(speed) and speed > 0):
         raise PathError(f"speed is {speed!r:.60} m/s; give one above 0 (to drive backwards, give a path whose yaw points back)")
     return simulate_plan(rover, terrain, path, drive(rover, terrain, path, speed), load_sharing=load_sharing, **settings)  # type: ignore[arg-type]
 
@@ -177,6 +180,11 @@ def _simulate(
         The measured run.
     """
     rover, terrain = start.rover, start.terrain
+    if not duration / CONTROL_PERIOD <= MOST_TICKS:
+        raise RockerbogieError(
+            f"the drive takes {duration:.3g} s, longer than {MOST_TICKS * CONTROL_PERIOD:,.0f} s: give a higher speed or "
+            "shorter commands"
+        )
     if not np.isfinite(start.q).all():
         raise PathError(
             f"the rover does not settle at the path's start ({float(start.x):.10g}, {float(start.y):.10g}) m, "
@@ -216,11 +224,6 @@ def _mujoco_version() -> str:
     return str(mujoco.__version__)
 
 
-def _is_number(value: object) -> bool:
-    """Return True for a finite number."""
-    return isinstance(value, int | float | np.number) and bool(np.isfinite(value))
-
-
 def _check_scene(rover: Rover, terrain: Terrain, path: Path) -> None:
     """Check rover, terrain and path, and that the path lies on terrain with data.
 
@@ -246,9 +249,9 @@ def _check_settings(rover: Rover, interval: float, friction: float, torque: Arra
     Raises:
         RockerbogieError: a number that is out of its range.
     """
-    if not (_is_number(interval) and interval > 0):
+    if not (is_number(interval) and interval > 0):
         raise RockerbogieError(f"interval is {interval!r:.60} s; give one above 0")
-    if not (_is_number(friction) and friction >= 0):
+    if not (is_number(friction) and friction >= 0):
         raise RockerbogieError(f"friction is {friction!r:.60}; give a coefficient of 0 or more")
     torque_limits(rover, torque)
 

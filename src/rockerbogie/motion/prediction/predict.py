@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..._kernels.dynamics import rollout as kernel
 from ..._kernels.jit.parallel import parallel_for
-from ...arrays import Array
+from ...arrays import Array, is_number
 from ...errors import PathError, RockerbogieError, expect
 from ...rover.model import LOAD_ROVER, Rover
 from ...settling.pose import GRAVITY, checked_gravity
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 #: Fastest commanded speed, m/s: the motion is quasi-static.
 FASTEST = 10.0
+#: Largest gravity, m/s².
+MOST_GRAVITY = 100.0
 #: Default step over the smallest wheel radius.
 STEP_SHARE = 0.25
 #: Largest size of the records of one call, bytes.
@@ -84,7 +86,7 @@ def predict(
             lifts the rover by the step's length. 1e-6 gives an energy balance to about 1e-6. Default: only a step without a pose
             or a motion is halved, at most 4 times.
         record: distance between records, m, rounded to steps. Default: each step is recorded.
-        gravity: m/s², above 0 (`GRAVITY`).
+        gravity: m/s², above 0 and at most 100 (`GRAVITY`).
         torque: torque limit of the wheel motors, a number or (6,), N·m. A wheel whose motor would exceed it turns at the rate at
             which its torque equals the limit. Default: the rover's `wheel_torque`, inf if not known.
         details: False leaves out contact points, contact angles, gaps and clearance, which take longer than the drive itself.
@@ -104,14 +106,16 @@ def predict(
     if not rover.mass > 0.0:
         raise RockerbogieError(f"rover {rover.name!r} has no mass: give its masses, the motion depends on wheel loads")
     field = checked_gravity(gravity)
-    if not (_is_number(speed) and speed > 0):
+    if field > MOST_GRAVITY:
+        raise RockerbogieError(f"gravity is {field:g} m/s²; give at most {MOST_GRAVITY:g} (is it in mm/s²?)")
+    if not (is_number(speed) and speed > 0):
         raise PathError(f"speed is {speed!r:.60} m/s; give one above 0 (to drive backwards, give a path whose yaw points back)")
     if speed > FASTEST:
         raise PathError(f"speed is {speed:g} m/s; the motion is quasi-static, give at most {FASTEST:g} (is it in mm/s?)")
     if step is None:
         step = STEP_SHARE * float(rover.wheel_radius.min())
     for name, value in (("step", step), ("record", step if record is None else record)):
-        if not (_is_number(value) and value > 0):
+        if not (is_number(value) and value > 0):
             raise PathError(f"{name} is {value!r:.60} m; give one above 0")
     error = np.inf if tolerance is None else tolerance
     if not (isinstance(error, int | float | np.number) and error > 0.0):
@@ -192,11 +196,6 @@ def _roll_out(
 def _length(packed: PackedCommands) -> float:
     """Return the longest distance that is commanded, m."""
     return float(packed.fastest.max() * packed.span * packed.counts.max())
-
-
-def _is_number(value: object) -> bool:
-    """Return True for a finite number."""
-    return isinstance(value, int | float | np.number) and bool(np.isfinite(value))
 
 
 def _numbers(name: str, value: ArrayLike, unit: str) -> Array:

@@ -54,6 +54,11 @@ def soil_tables(
     laws = [soil] if single else list(soil)  # type: ignore[arg-type]
     if not laws:
         raise RockerbogieError("soil is an empty list: give names of soils (rockerbogie.soils()) or laws")
+    if not (grousers is None or isinstance(grousers, Grousers)):
+        try:
+            grousers = Grousers(float(grousers))
+        except (TypeError, ValueError):
+            raise RockerbogieError(f"grouser height is {grousers!r:.60}; give m, one number") from None
     weight = rover.mass * gravity
     tables: list[Array] = []
     table_of = np.empty((len(laws), 6), dtype=np.int64)

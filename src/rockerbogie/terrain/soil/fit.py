@@ -308,7 +308,7 @@ def _residuals(soil: Soil, columns: dict[str, Array], wheels: tuple[list[Wheel],
 def _bounds(names: list[str]) -> tuple[Array, Array]:
     """Return the limits of parameters inside those of Soil."""
     limits = {
-        "stiffness": (3.0, 11.0), "cohesion": (5.0, 5e3), "friction_angle": (0.1, 1.0), "exponent": (0.3, 2.4),
+        "stiffness": (4.0, 11.0), "cohesion": (5.0, 5e3), "friction_angle": (0.1, 1.0), "exponent": (0.3, 2.4),
         "peak": (0.0, 0.95),
         "exit": (0.0, 1.3), "shear_modulus": (3e-4, 0.15), "side_shear_modulus": (3e-4, 0.15), "bulldozing": (0.0, 8.0),
         "exponent_grouser": (-15.0, 15.0), "exit_grouser": (-15.0, 15.0), "destructive_angle": (0.1, 1.3),

@@ -344,6 +344,8 @@ _LIMITS = {
 }
 #: Cohesion above 0 and below this is taken for kPa, Pa.
 LEAST_COHESION = 5.0
+#: Bekker's kphi above 0 and below this is taken for kN/m^(n+2), N/m^(n+2).
+LEAST_KPHI = 1e4
 #: Pressure of a plate 0.1 m wide at a depth of 10 mm, Pa: outside these limits, units are wrong.
 PLATE_PRESSURE = (50.0, 3e6)
 
@@ -377,6 +379,10 @@ def check_soil(soil: Soil) -> None:
         raise RockerbogieError(f"{lead}pressure is {soil.pressure!r}: give 'bekker' or 'reece'")
     check_range(lead + "kc", soil.kc, 0.0, 1e9, "")
     check_range(lead + "kphi", soil.kphi, 0.0, 1e12, "")
+    if soil.pressure == "bekker" and 0.0 < soil.kphi < LEAST_KPHI:
+        raise RockerbogieError(
+            f"{lead}kphi is {soil.kphi:g} N/m^(n+2): give N and m, not kN or cm (0, or at least {LEAST_KPHI:g})"
+        )
     pressure = soil.stiffness(0.1, 9.81) * 0.01**soil.exponent
     if not PLATE_PRESSURE[0] <= pressure <= PLATE_PRESSURE[1]:
         raise RockerbogieError(
