@@ -367,6 +367,22 @@ def test_each_limit_is_named() -> None:
     assert rb.climb(rover, rb.obstacles.step(0.4), friction=0.5).limit == "friction"
 
 
+def test_wheels_that_would_pull_at_equal_slip_are_marked() -> None:
+    rover = rb.load_rover("sawppy").replace(
+        bogie_limits=(-np.inf, np.inf), rocker_limits=(-np.inf, np.inf), wheel_width=0.0, masses="keep"
+    )
+    step = rb.obstacles.step(1.59 * float(rover.wheel_radius.max()))
+    run = rb.climb(rover, step, friction=0.95, law="equal_slip")
+    assert run.climbed
+    assert np.array_equal(run.unloaded[run.uphill].any(axis=0), [False, False, True, True, False, False])
+    assert "LM and RM carry no load" in run.verdict
+    at = np.flatnonzero(run.unloaded[:, 2] & run.uphill)
+    assert (run.normal[at, 2] == 0.0).all()
+    assert (run.traction[at, 2] == 0.0).all()
+    assert not rb.climb(rover, step, friction=0.95).unloaded.any()
+    assert run.to_dataset()["unloaded"].dims == ("station", "wheel")
+
+
 def test_sliding_down_does_not_end_a_climb() -> None:
     rover = rb.load_rover("curiosity")
     down = rb.obstacles.profile([0.0, 4.0], [0.0, -2.0])

@@ -60,6 +60,7 @@ class Climb:
         bogie: (n,) bogie angle, rad.
         hub, contact_point, contact_normal: (n, 6, 2) x and z of each hub, contact point and unit normal.
         normal, traction, torque: (n, 6) N, N and N m; traction and torque are positive in the direction of travel.
+        unloaded: (n, 6) True for wheels that would have to pull under law "equal_slip": they carry no load, and may lift.
         required_friction: (n,) coefficient that the station needs under the law; inf where none holds the rover.
         required_torque: (n,) the smallest torque of the strongest loaded motor that suffices with `friction`, N m; inf where that
             friction does not.
@@ -89,6 +90,7 @@ class Climb:
     normal: Array
     traction: Array
     torque: Array
+    unloaded: NDArray[np.bool_]
     required_friction: Array
     required_torque: Array
     uphill: NDArray[np.bool_]
@@ -127,7 +129,10 @@ class Climb:
     def verdict(self) -> str:
         """One sentence: the rover gets over, or where and why it does not."""
         if not self.limit:
-            return f"climbed; a friction coefficient of {self.friction_needed:.3f} suffices"
+            names = self.rover.wheel_names
+            lifts = [names[k] for k in range(6) if (self.unloaded[:, k] & self.uphill).any()]
+            more = f"; {' and '.join(lifts)} carry no load on the way and may lift" if lifts else ""
+            return f"climbed; a friction coefficient of {self.friction_needed:.3f} suffices{more}"
         whole = self.friction_needed
         suffices = f"{whole:.3f} suffices" if np.isfinite(whole) else "no friction suffices"
         torque = float(self.required_torque[self.uphill].max(initial=0.0))
@@ -167,8 +172,8 @@ class Climb:
 #: Variables of the Dataset and their units.
 UNITS = {
     "distance": "m", "x": "m", "z": "m", "pitch": "rad", "bogie": "rad", "hub": "m", "contact_point": "m", "contact_normal": "1",
-    "normal": "N", "traction": "N", "torque": "N m", "required_friction": "1", "required_torque": "N m", "uphill": "1",
-    "slides": "1",
+    "normal": "N", "traction": "N", "torque": "N m", "unloaded": "1", "required_friction": "1", "required_torque": "N m",
+    "uphill": "1", "slides": "1",
 }  # fmt: skip
 
 
@@ -231,6 +236,7 @@ def climb(
         hub=vectors["hub"], contact_point=vectors["point"], contact_normal=vectors["contact"],
         normal=0.5 * weight * force[:, axle], traction=0.5 * weight * force[:, 3:][:, axle],
         torque=0.5 * weight * (force[:, 3:] * radius)[:, axle],
+        unloaded=((force[:, :3] == 0.0) if law == "equal_slip" else np.zeros((len(force), 3), dtype=bool))[:, axle],
         required_friction=required, required_torque=needed * run.torque_unit(gravity),
         uphill=run.uphill, slides=slides, limit=limit, station=station, wheels=wheels, phase=phase,
     )  # fmt: skip

@@ -48,8 +48,8 @@ class ClimbLimits:
         ditch_forward, ditch_backward: widest ditch, as deep as the rover is long, m.
         slope_torque: motor torque that `slope_up` needs, N m.
         step_torque: motor torque that the highest of both steps needs, N m, with `friction`.
-        why: reason of each limit by its name: friction, torque, tip_over, belly, joint_limit, or "size" where the search ended
-            without a limit at one length of the rover.
+        why: reason of each limit by its name: friction, torque, tip_over, belly, joint_limit or stuck (`climb.REASONS`), or
+            "size" where the search ended without a limit: at one length of the rover, or a slope of almost 90°.
     """
 
     rover: str

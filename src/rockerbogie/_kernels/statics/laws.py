@@ -5,9 +5,9 @@ linear, and solved in `lane_laws`:
 
 - vertical: every contact force is parallel to gravity (less the acceleration): one unknown a wheel, six equations.
 - equal torque: all driven axles carry the same torque, side forces are those of six equal lateral springs
-  (λ + ω ξ, ξ the contact's forward position): six normal forces, the torque, λ and ω.
+  (λ + ω x, x the contact's forward position): six normal forces, the torque, λ and ω.
 - equal slip: tangential forces are proportional to the normal force, as six wheels at equal slip on one friction curve have
-  them: t = κ n, s = (λ + ω ξ) n, solved by Newton's method.
+  them: t = κ n, s = (λ + ω x) n, solved by Newton's method.
 - frictionless sides: no side forces; of the tractions that balance, those with the least sum of squares.
 """
 
@@ -176,11 +176,11 @@ def parallel_forces(columns: Array, count: int, frame: Array, gx: float, gy: flo
 
 @njit
 def spring_sides(columns: Array, forward: Array, k: int, matrix: Array, weight: Array) -> None:
-    """Fill columns 7 and 8 of the system, side forces weight (λ + ω ξ), in one equation.
+    """Fill columns 7 and 8 of the system, side forces weight (λ + ω x), in one equation.
 
     Args:
         columns: (6, 3, 9) generalized forces of unit contact forces.
-        forward: (6,) forward position ξ of each contact.
+        forward: (6,) forward position x of each contact.
         k: the equation.
         matrix: (9, 9) the system; row k is changed.
         weight: (6,) weights of the six springs.
@@ -193,7 +193,7 @@ def spring_sides(columns: Array, forward: Array, k: int, matrix: Array, weight: 
 
 @njit
 def equal_slip(columns: Array, forward: Array, b: Array, f: Array) -> bool:
-    """Fill the forces of six wheels at equal slip: t = κ n, s = (λ + ω ξ) n.
+    """Fill the forces of six wheels at equal slip: t = κ n, s = (λ + ω x) n.
 
     Args:
         columns: (6, 3, 9) generalized forces of unit contact forces.
