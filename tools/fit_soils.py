@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import csv
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import least_squares
 
 import rockerbogie as rb
 from rockerbogie.terrain.soil.fit import TERM_NAMES, WheelFit, WheelTrials, fit_slip_curve, fit_wheel_trials, trial_residuals
@@ -151,6 +153,9 @@ def main(folder: Path) -> None:
         slip = np.array([float(row["slip_pct"]) for row in rows]) / 100.0
         order = np.argsort(ratio)
         report_curve(f"MGRU3 set {name}", ratio[order], slip[order])
+        for law in (logistic, shear):
+            errors = held_out(law, ratio[order], slip[order])
+            print(f"MGRU3 set {name}, {law.__name__}: slip RMSE {errors[0]:.3f} and {errors[1]:.3f} on the others")
     wheel = read(folder / "nasa_trec_single_wheel.csv")
     ratio = np.tan(np.radians([float(row["traction_angle_deg"]) for row in wheel]))
     slip = np.array([float(row["slip_pct"]) for row in wheel]) / 100.0
@@ -163,6 +168,39 @@ def main(folder: Path) -> None:
         inside = fit.residuals.rms()[0]
         print(f"TREC wheel, soil: drawbar {100 * inside:.1f} % of the load fitted, {100 * outside:.1f} % on the others")
         print("  " + ", ".join(f"{name} {value:.4g}" for name, value in fit.values.items()))
+
+
+def logistic(p: np.ndarray, ratio: np.ndarray) -> np.ndarray:
+    """Return slip that is logistic in the slope angle; p: angle at slip 0.5 and width, rad."""
+    return np.asarray(1.0 / (1.0 + np.exp(-(np.arctan(ratio) - p[0]) / p[1])))
+
+
+def shear(p: np.ndarray, ratio: np.ndarray) -> np.ndarray:
+    """Return the slip at which cohesion-free shear gives a drawbar.
+
+    The shear is Janosi's, under a contact of constant pressure. p: tangent of the friction angle; shear modulus over contact length. Slip is 1 beyond the largest drawbar.
+    """
+    slip = np.geomspace(1e-6, 1.0, 2000)
+    drawbar = p[0] * (1.0 - p[1] / slip * (1.0 - np.exp(-slip / p[1])))
+    return np.interp(ratio, drawbar, slip, right=1.0)
+
+
+def held_out(law: Callable[[np.ndarray, np.ndarray], np.ndarray], ratio: np.ndarray, slip: np.ndarray) -> list[float]:
+    """Return the RMS errors of a two-parameter law on alternate points, fitted to the others.
+
+    Of several starts, the fit with the least cost counts.
+    """
+    found = []
+    for half in (0, 1):
+        rows = np.arange(slip.size) % 2 == half
+        starts = [(a, b) for a in (0.2, 0.3, 0.5, 0.8) for b in (0.03, 0.07, 0.2, 0.5)]
+        fits = [
+            least_squares(lambda p, rows=rows: law(p, ratio[rows]) - slip[rows], start, bounds=((0.05, 1e-3), (3.0, 5.0)))
+            for start in starts
+        ]
+        best = min(fits, key=lambda fit: fit.cost)
+        found.append(float(np.sqrt(np.mean((law(best.x, ratio[~rows]) - slip[~rows]) ** 2))))
+    return found
 
 
 def report_curve(name: str, ratio: np.ndarray, slip: np.ndarray) -> None:
