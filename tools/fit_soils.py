@@ -178,7 +178,11 @@ def logistic(p: np.ndarray, ratio: np.ndarray) -> np.ndarray:
 def shear(p: np.ndarray, ratio: np.ndarray) -> np.ndarray:
     """Return the slip at which cohesion-free shear gives a drawbar.
 
-    The shear is Janosi's, under a contact of constant pressure. p: tangent of the friction angle; shear modulus over contact length. Slip is 1 beyond the largest drawbar.
+    The shear is Janosi's, under a contact of constant pressure. Slip is 1 beyond the largest drawbar.
+
+    Args:
+        p: tangent of the friction angle; shear modulus over contact length.
+        ratio: (n,) drawbar over load.
     """
     slip = np.geomspace(1e-6, 1.0, 2000)
     drawbar = p[0] * (1.0 - p[1] / slip * (1.0 - np.exp(-slip / p[1])))
