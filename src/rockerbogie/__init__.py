@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from .figures.scene.show import View as View
     from .figures.scene.show import show as show
     from .figures.scene.show import to_html as to_html
+    from .gravity import GRAVITY as GRAVITY
     from .logs.attitude_log import LogMap as LogMap
     from .logs.attitude_log import read_places as read_places
     from .logs.benchmark import MarsBenchmark as MarsBenchmark
@@ -107,7 +108,6 @@ if TYPE_CHECKING:
     from .rover.model import Link as Link
     from .rover.model import Rover as Rover
     from .rover.rotations import body_transform as body_transform
-    from .settling.pose import GRAVITY as GRAVITY
     from .settling.pose import Contacts as Contacts
     from .settling.pose import Pose as Pose
     from .settling.settle import settle as settle
@@ -183,7 +183,7 @@ _EXPORTS = {
     "Contacts": "settling.pose",
     "verify": "settling.verification",
     "Verification": "settling.verification",
-    "GRAVITY": "settling.pose",
+    "GRAVITY": "gravity",
     "soils": "terrain.soil.load",
     "load_soil": "terrain.soil.load",
     "Soil": "terrain.soil.laws",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from types import EllipsisType
 from typing import Any
@@ -21,7 +22,12 @@ def is_number(value: object) -> bool:
     Returns:
         True or False.
     """
-    return isinstance(value, int | float | np.number) and not isinstance(value, np.complexfloating) and bool(np.isfinite(value))
+    if not isinstance(value, int | float | np.number) or isinstance(value, np.complexfloating):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # an int beyond the largest float
+        return False
 
 
 def spanned(array: Array, shape: tuple[int, ...]) -> Array:

@@ -60,7 +60,6 @@ def test_simulate_refuses_what_is_no_positive_number(name: str, value: object) -
         (lambda: rb.predict(ROVER, FLAT, None, PATH, friction=0.8, step=1e-9), "longer step"),
         (lambda: rb.predict(ROVER, FLAT, np.zeros((40_000, 3)), rb.Path.straight((0, 0), 0.0, 10.0), friction=0.8), "GB"),
         (lambda: rb.predict(ROVER, FLAT, None, PATH, friction=0.8, speed=20.0), "mm/s"),
-        (lambda: rb.predict(ROVER, FLAT, None, PATH, friction=0.8, gravity=9810.0), "mm/s²"),
         (lambda: rb.predict(ROVER, FLAT, None, PATH, soil="dry-sand", grousers=[0.01, 0.02]), "grouser height"),
         (lambda: rb.predict(ROVER, FLAT, None, PATH, soil="dry-sand", grousers=15.0), "grouser height"),
         (lambda: rb.drive(ROVER, FLAT, PATH, steering="left"), "steering is 'left'"),  # type: ignore[arg-type]

@@ -219,15 +219,15 @@ def parse_gravity(text: str) -> float:
         text: earth, mars, moon or a number.
 
     Returns:
-        Above 0, m/s².
+        From 0.001 to 100, m/s².
 
     Raises:
-        RockerbogieError: another name, or a number that is not above 0.
+        RockerbogieError: another name, or a number outside that range.
     """
-    from ..settling.pose import GRAVITY, checked_gravity
+    from ..gravity import GRAVITY, check_gravity
 
     try:
         value = GRAVITY[text] if text in GRAVITY else float(text)
     except ValueError:
         raise RockerbogieError(f"--gravity {text!r} is not known; give {', '.join(GRAVITY)} or a number in m/s²") from None
-    return checked_gravity(value)
+    return check_gravity(value)

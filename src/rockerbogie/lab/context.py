@@ -8,8 +8,8 @@ from collections.abc import Awaitable, Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
+from ..gravity import GRAVITY
 from ..rover.model import Rover
-from ..settling.pose import GRAVITY
 from ..terrain.heightfield import Terrain
 from .forces_view import ForcesView
 from .rover_view import RoverView

@@ -7,8 +7,8 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from ..gravity import GRAVITY
 from ..maps.limits import PRESETS
-from ..settling.pose import GRAVITY
 from .style import QUIET
 
 if TYPE_CHECKING:

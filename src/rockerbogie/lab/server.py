@@ -12,11 +12,11 @@ from urllib.parse import urlsplit
 
 from .._kernels.jit.uncompiled import compile_first
 from ..errors import RockerbogieError, require
+from ..gravity import GRAVITY, check_gravity
 from ..logs.live_pose import LivePose
 from ..motion.drive import drive
 from ..motion.path import Path
 from ..rover.model import Rover
-from ..settling.pose import GRAVITY
 from ..settling.settle import settle
 from ..terrain.heightfield import Terrain
 from .context import Lab
@@ -70,11 +70,11 @@ def start_lab(
         The lab; `stop` ends it.
 
     Raises:
-        RockerbogieError: viser is not installed; the address or port cannot be used.
+        RockerbogieError: gravity is not from 0.001 to 100; viser is not installed; the address or port cannot be used.
     """
     require("the page", "lab", "viser", "trimesh")
     free = free_port(host, port)
-    lab = Lab(rover, terrain, maps, run, gravity, (*start_position(terrain), 0.0), light, live=live)
+    lab = Lab(rover, terrain, maps, run, check_gravity(gravity), (*start_position(terrain), 0.0), light, live=live)
     warm_up(lab)
     lab.server = _make_server(host, free)
     _decorate(lab)

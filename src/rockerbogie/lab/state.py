@@ -8,11 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..arrays import Array
+from ..gravity import GRAVITY
 from ..maps.limits import PRESETS, Limits
 from ..rover.model import Rover
 from ..rover.rotations import wrap_angle
 from ..settling.engines import Mode
-from ..settling.pose import GRAVITY, Pose
+from ..settling.pose import Pose
 from ..settling.settle import settle
 from ..terrain.heightfield import Terrain
 

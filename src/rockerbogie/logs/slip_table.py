@@ -15,11 +15,11 @@ from ..arrays import Array
 from ..errors import RockerbogieError, expect
 from ..files.outputs import check_outputs
 from ..files.version import __version__
+from ..gravity import GRAVITY, check_gravity
 from ..motion.prediction.outcome import DriveEnd
 from ..motion.prediction.plane_slip import plane_slip
 from ..motion.soil_slip import SoilSlip
 from ..rover.model import LOAD_ROVER, Rover
-from ..settling.pose import GRAVITY, checked_gravity
 from ..terrain.soil.fit import WheelFit
 from ..terrain.soil.laws import Grousers, WheelLaw
 from .slip_fit import SoilFit
@@ -105,7 +105,7 @@ def slip_table(
             samples = [soil] if isinstance(soil, str | WheelLaw) else list(soil)
         if len(samples) == 1 and 0.5 not in levels:
             raise RockerbogieError(f"soil {name!r} has no uncertainty, so its slip has no band: include 0.5 in quantiles")
-        field = checked_gravity(gravity)
+        field = check_gravity(gravity)
         columns.append(_predicted(rover, samples, slope, heading, levels, field, grousers, torque))
     over = ("soil", "slope", "heading")
     slip, drift, outside, status = (np.stack(parts) for parts in zip(*columns, strict=True))

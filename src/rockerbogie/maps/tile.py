@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..gravity import GRAVITY
 from ..rover.model import Rover
-from ..settling.pose import GRAVITY
 from ..settling.settle import Mode, settle
 from ..settling.status import Status
 from ..statics.stability import force_values

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from .._kernels.jit.uncompiled import compile_first
 from ..errors import RockerbogieError, expect
 from ..files.version import __version__
+from ..gravity import GRAVITY, check_gravity
 from ..rover.model import LOAD_ROVER, Rover
-from ..settling.pose import GRAVITY, checked_gravity
 from ..settling.settle import Mode
 from ..terrain.heightfield import Terrain
 from ..terrain.raster import locate
@@ -92,7 +92,7 @@ def traversability(
     expect(rover, Rover, "rover", LOAD_ROVER)
     if mode not in ("contact", "equilibrium"):
         raise RockerbogieError(f"mode {mode!r} is not known; give 'contact' or 'equilibrium'")
-    angles, allowed, field = heading_angles(headings), limits_given(limits), checked_gravity(gravity)
+    angles, allowed, field = heading_angles(headings), limits_given(limits), check_gravity(gravity)
     names = chosen_layers(layers, allowed.forces)
     if not (isinstance(chunk, (int, np.integer)) and chunk > 0 and chunk % TILE == 0):
         raise RockerbogieError(f"chunk is {chunk!r}: give a multiple of {TILE} cells")

@@ -13,11 +13,12 @@ from ..arrays import Array, is_number
 from ..errors import PathError, RockerbogieError, expect
 from ..files.tables import write_columns
 from ..files.version import __version__
+from ..gravity import GRAVITY
 from ..rover.model import LOAD_ROVER, Rover
 from ..rover.rotations import wrap_angle
 from ..settling.dataset import EQUILIBRIUM_VARIABLES, VARIABLES, run_dataset
 from ..settling.engines import Mode
-from ..settling.pose import GRAVITY, Pose
+from ..settling.pose import Pose
 from ..settling.settle import check_mode, settle
 from ..settling.status import Status
 from ..statics.stability import load_values

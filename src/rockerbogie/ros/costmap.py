@@ -14,6 +14,7 @@ from .._kernels.search.tread import SMOOTH
 from .._kernels.simd.layout import SIDE
 from ..arrays import Array
 from ..errors import RockerbogieError, expect
+from ..gravity import GRAVITY, check_gravity
 from ..maps.cells import Cells, Span, Tile, cells_over
 from ..maps.ground import SPARE, hold_ground, reach
 from ..maps.layers import chosen_layers, dataset
@@ -23,7 +24,6 @@ from ..maps.tile import Job
 from ..maps.traversability import heading_angles, limits_given, map_attributes
 from ..maps.windows import TerrainWindows
 from ..rover.model import LOAD_ROVER, Rover
-from ..settling.pose import GRAVITY, checked_gravity
 from ..settling.settle import Mode, check_mode
 from ..terrain.heightfield import Terrain
 from ..terrain.window import Interpolation
@@ -100,7 +100,7 @@ class CostMap:
         if interpolation not in ("cubic", "linear"):
             raise RockerbogieError(f"interpolation {interpolation!r} is not known; give 'cubic' or 'linear'")
         self.rover, self.mode, self.interpolation, self.resolution = rover, mode, interpolation, resolution
-        self.headings, self.limits, self.gravity = heading_angles(headings), limits_given(limits), checked_gravity(gravity)
+        self.headings, self.limits, self.gravity = heading_angles(headings), limits_given(limits), check_gravity(gravity)
         names = [layers] if isinstance(layers, str) else list(layers)
         self.layers = chosen_layers(["passable", *names], self.limits.forces)
         self._tell = tell

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
@@ -16,6 +15,7 @@ from .._kernels.jit.parallel import parallel_for
 from .._kernels.solve.forces import R_LIFTED
 from ..arrays import Array, flat, flat_steering
 from ..errors import RockerbogieError
+from ..gravity import GRAVITY
 from ..rover.frames import contact_frames, wheel_frames
 from ..rover.model import Rover
 from ..rover.rotations import body_transform
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 TOUCHING = 1e-6
 #: A joint within this angle of its limit is at the limit, rad.
 STOPPED = 1e-9
-#: Gravity at the surface, m/s²: the standard value on Earth, mean values on Mars and the Moon.
-GRAVITY = {"earth": 9.80665, "mars": 3.72076, "moon": 1.62}
 JOINTS = ("rocker", "bogie_left", "bogie_right")
 
 
@@ -301,20 +299,3 @@ class Pose:
         from .dataset import pose_dataset
 
         return pose_dataset(self)
-
-
-def checked_gravity(gravity: float) -> float:
-    """Return gravity after a check.
-
-    Args:
-        gravity: m/s².
-
-    Returns:
-        The same, as a float.
-
-    Raises:
-        RockerbogieError: not a finite number above 0.
-    """
-    if not (isinstance(gravity, (int, float, np.number)) and 0.0 < gravity <= sys.float_info.max):
-        raise RockerbogieError(f"gravity is {gravity!r}; give a number above 0 in m/s², as rockerbogie.GRAVITY['mars']")
-    return float(gravity)

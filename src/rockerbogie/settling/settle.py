@@ -11,12 +11,13 @@ from numpy.typing import ArrayLike
 from .._kernels.solve.forces import R_SIZE
 from ..arrays import Array, flat, flat_steering, pieces, spanned
 from ..errors import RockerbogieError, expect
+from ..gravity import GRAVITY, check_gravity
 from ..rover.frames import check_steering
 from ..rover.model import LOAD_ROVER, Rover
 from ..terrain.heightfield import Terrain
 from .engines import Batch, settle_batch
 from .engines import Mode as Mode
-from .pose import GRAVITY, Pose, checked_gravity
+from .pose import Pose
 
 CHUNK = 1 << 20  # poses per kernel call: bounds the memory that a broadcast input takes
 NUMBER = (float, int)
@@ -55,12 +56,12 @@ def settle(
 
     Raises:
         RockerbogieError: x, y or yaw not finite or not broadcastable; steering that does not fit the rover; unknown mode;
-            gravity not above 0.
+            gravity not from 0.001 to 100.
     """
     expect(rover, Rover, "rover", LOAD_ROVER)
     expect(terrain, Terrain, "terrain", "make one with rockerbogie.Terrain.from_array, from_raster or rockerbogie.surfaces")
     check_mode(mode)
-    field = checked_gravity(gravity)
+    field = check_gravity(gravity)
     turn = check_steering(rover, steering)
     if turn.ndim == 1 and _is_finite(x) and _is_finite(y) and _is_finite(yaw):
         return _settle_one(rover, terrain, float(x), float(y), float(yaw), turn, mode, field)  # type: ignore[arg-type]

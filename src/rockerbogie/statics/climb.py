@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ..errors import RockerbogieError, expect
 from ..files.version import __version__
+from ..gravity import GRAVITY, check_gravity
 from ..rover.model import LOAD_ROVER, Rover
-from ..settling.pose import GRAVITY, checked_gravity
 from .hub_curve import ARC
 from .obstacles import Profile
 from .planar_forces import balance, equal_friction, least_friction, least_torque
@@ -201,7 +201,7 @@ def climb(
         direction: "forward" or "backward".
         law: "least_friction": the smallest coefficient with which some distribution of torques holds the rover, a bound for every
             controller. "equal_slip": all wheels use the same share of friction, as wheels that are driven at one rate and slip.
-        gravity: m/s², above 0 (`GRAVITY`).
+        gravity: m/s², from 0.001 to 100 (`GRAVITY`).
 
     Returns:
         The climb. It goes on after the station at which it fails, as if it had not.
@@ -256,7 +256,7 @@ def check_arguments(rover: Rover, friction: float, torque: float | None, gravity
         raise RockerbogieError(f"friction is {friction!r:.40}; give a coefficient of 0 or more, such as 0.7")
     if torque is not None and torque != np.inf and not (_is_number(torque) and torque > 0.0):
         raise RockerbogieError(f"torque is {torque!r:.40}; give the limit of a hub motor in N m, above 0, or inf for no limit")
-    checked_gravity(gravity)
+    check_gravity(gravity)
 
 
 def motor_limit(rover: Rover, torque: float | None) -> float:

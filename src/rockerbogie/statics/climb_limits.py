@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..gravity import GRAVITY
 from ..rover.model import Rover
-from ..settling.pose import GRAVITY
 from ..settling.settle import settle
 from ..terrain import surfaces
 from . import obstacles
@@ -77,7 +77,7 @@ def limits_of(rover: Rover, *, friction: float, torque: float | None = None, gra
         friction: coefficient of friction between wheels and terrain, 0 or more.
         torque: largest torque of a hub motor, N m, above 0; inf for no limit. Default: the least of the rover's `wheel_torque`,
             which is inf where it is not known.
-        gravity: m/s², above 0 (`GRAVITY`).
+        gravity: m/s², from 0.001 to 100 (`GRAVITY`).
 
     Returns:
         The limits. A size of 0 means that even the smallest obstacle fails.

@@ -14,7 +14,8 @@ from .._kernels.statics import loads as kernel
 from .._kernels.statics.lane_friction import GAP
 from ..arrays import Array
 from ..errors import RockerbogieError
-from ..settling.pose import Pose, checked_gravity
+from ..gravity import check_gravity
+from ..settling.pose import Pose
 from .contacts import PackedContacts, pack_contacts
 
 #: Gravity less the acceleration below which a rover counts as weightless, m/s².
@@ -93,7 +94,7 @@ def wheel_loads(
     Args:
         pose: settled poses (...), of either mode. Wheels off the ground carry no load; joints at their limits and, in
             equilibrium mode, the belly take part.
-        gravity: m/s², above 0 (`GRAVITY`). Default: that of the pose.
+        gravity: m/s², from 0.001 to 100 (`GRAVITY`). Default: that of the pose.
         drawbar: (...) force that pulls the body backward along its x axis at its reference point, N.
         acceleration: (..., 3) of the rover as a whole, world axes, m/s². Default: none.
         law: one of `LAWS`.
@@ -102,7 +103,7 @@ def wheel_loads(
         WheelLoads with the pose's batch axes.
 
     Raises:
-        RockerbogieError: an unknown law, gravity not above 0, a rover without mass, an acceleration that cancels
+        RockerbogieError: an unknown law, gravity not from 0.001 to 100, a rover without mass, an acceleration that cancels
             gravity, or shapes that do not broadcast.
     """
     return solve_loads(pose, gravity, drawbar, acceleration, law)
@@ -138,7 +139,7 @@ def solve_loads(
     field = np.zeros((1, 3))
     if acceleration is not None:
         field = -_spread("acceleration", acceleration, pose.shape, 3)
-    field = field + [0.0, 0.0, -checked_gravity(pose.gravity if gravity is None else gravity)]
+    field = field + [0.0, 0.0, -check_gravity(pose.gravity if gravity is None else gravity)]
     if (np.linalg.norm(field, axis=-1) < WEIGHTLESS).any():
         raise RockerbogieError("acceleration cancels gravity: a rover in free fall has no weight, and no wheel loads")
     n = pose.status.size

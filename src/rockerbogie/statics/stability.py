@@ -13,7 +13,8 @@ from .._kernels.statics import loads as kernel
 from .._kernels.statics.lane_tipping import MARGIN
 from ..arrays import Array
 from ..errors import RockerbogieError
-from ..settling.pose import Pose, checked_gravity
+from ..gravity import check_gravity
+from ..settling.pose import Pose
 from .contacts import PackedContacts, pack_contacts
 from .held_directions import HeldDirections
 from .loads import solve_loads, wheel_loads
@@ -88,10 +89,10 @@ def stability(pose: Pose, *, gravity: float | None = None, friction: float = GRI
         Stability with the pose's batch axes.
 
     Raises:
-        RockerbogieError: gravity not above 0, friction out of range, or a rover without mass.
+        RockerbogieError: gravity not from 0.001 to 100, friction out of range, or a rover without mass.
     """
     packed = pack_contacts(pose)
-    weight = pose.rover.mass * checked_gravity(pose.gravity if gravity is None else gravity)
+    weight = pose.rover.mass * check_gravity(pose.gravity if gravity is None else gravity)
     if not (isinstance(friction, (int, float, np.number)) and 0.0 < friction <= 50.0):
         raise RockerbogieError(f"friction is {friction!r}; give a coefficient above 0, at most 50")
     n = pose.status.size

@@ -12,8 +12,8 @@ from ..._kernels.dynamics import rollout as kernel
 from ..._kernels.jit.parallel import parallel_for
 from ...arrays import Array, is_number
 from ...errors import PathError, RockerbogieError, expect
+from ...gravity import GRAVITY, check_gravity
 from ...rover.model import LOAD_ROVER, Rover
-from ...settling.pose import GRAVITY, checked_gravity
 from ...terrain.heightfield import Terrain
 from ...terrain.soil.laws import Grousers, WheelLaw
 from ..path import Path
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
 #: Fastest commanded speed, m/s: the motion is quasi-static.
 FASTEST = 10.0
-#: Largest gravity, m/s².
-MOST_GRAVITY = 100.0
 #: Default step over the smallest wheel radius.
 STEP_SHARE = 0.25
 #: Largest size of the records of one call, bytes.
@@ -86,7 +84,7 @@ def predict(
             lifts the rover by the step's length. 1e-6 gives an energy balance to about 1e-6. Default: only a step without a pose
             or a motion is halved, at most 4 times.
         record: distance between records, m, rounded to steps. Default: each step is recorded.
-        gravity: m/s², above 0 and at most 100 (`GRAVITY`).
+        gravity: m/s², from 0.001 to 100 (`GRAVITY`).
         torque: torque limit of the wheel motors, a number or (6,), N·m. A wheel whose motor would exceed it turns at the rate at
             which its torque equals the limit. Default: the rover's `wheel_torque`, inf if not known.
         details: False leaves out contact points, contact angles, gaps and clearance, which take longer than the drive itself.
@@ -105,9 +103,7 @@ def predict(
     expect(terrain, Terrain, "terrain", "make one with rockerbogie.Terrain.from_array, from_raster or rockerbogie.surfaces")
     if not rover.mass > 0.0:
         raise RockerbogieError(f"rover {rover.name!r} has no mass: give its masses, the motion depends on wheel loads")
-    field = checked_gravity(gravity)
-    if field > MOST_GRAVITY:
-        raise RockerbogieError(f"gravity is {field:g} m/s²; give at most {MOST_GRAVITY:g} (is it in mm/s²?)")
+    field = check_gravity(gravity)
     if not (is_number(speed) and speed > 0):
         raise PathError(f"speed is {speed!r:.60} m/s; give one above 0 (to drive backwards, give a path whose yaw points back)")
     if speed > FASTEST:

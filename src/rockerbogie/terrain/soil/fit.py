@@ -15,7 +15,7 @@ from ..._kernels.soil import forces as kernel
 from ..._kernels.soil import layout as lay
 from ...arrays import Array
 from ...errors import RockerbogieError
-from .forces import EARTH, check_gravity
+from ...gravity import GRAVITY, check_gravity
 from .laws import Grousers, SlipCurve, Soil, Wheel
 
 #: Standard errors of trials that weigh the residuals: drawbar and side force over load, sinkage (m).
@@ -159,7 +159,7 @@ class WheelFit:
         return [changed_soil(self.soil, dict(zip(names, row, strict=True))) for row in drawn.tolist()]
 
 
-def trial_residuals(soil: Soil, trials: WheelTrials, *, gravity: float = EARTH) -> TrialResiduals:
+def trial_residuals(soil: Soil, trials: WheelTrials, *, gravity: float = GRAVITY["earth"]) -> TrialResiduals:
     """Compute the residuals of trials under a soil.
 
     Args:
@@ -179,7 +179,7 @@ def fit_wheel_trials(
     trials: WheelTrials,
     priors: Mapping[str, tuple[float, float]],
     *,
-    gravity: float = EARTH,
+    gravity: float = GRAVITY["earth"],
     weights: tuple[ArrayLike, ArrayLike, ArrayLike] = (DRAWBAR_ERROR, SIDE_ERROR, SINKAGE_ERROR),
     steps: int = 40,
 ) -> WheelFit:

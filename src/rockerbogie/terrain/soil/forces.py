@@ -13,10 +13,8 @@ from ..._kernels.soil import forces as kernel
 from ..._kernels.soil import layout as lay
 from ...arrays import Array
 from ...errors import RockerbogieError
-from .laws import Grousers, Wheel, WheelLaw, check_range
-
-#: Standard gravity, m/s².
-EARTH = 9.80665
+from ...gravity import GRAVITY, check_gravity
+from .laws import Grousers, Wheel, WheelLaw
 
 
 class ForceStatus(IntEnum):
@@ -52,22 +50,6 @@ class WheelForces:
         return f"WheelForces({done} of {self.status.size} wheels computed)"
 
 
-def check_gravity(gravity: float) -> float:
-    """Return gravity after a check.
-
-    Args:
-        gravity: m/s².
-
-    Returns:
-        The same.
-
-    Raises:
-        RockerbogieError: not above 0 and finite, or above 100.
-    """
-    check_range("gravity", gravity, 1e-3, 100.0, "m/s²")
-    return float(gravity)
-
-
 def check_law(soil: object) -> WheelLaw:
     """Return a wheel law after a check of its type.
 
@@ -95,7 +77,7 @@ def wheel_soil_forces(
     slip: ArrayLike,
     slip_angle: ArrayLike = 0.0,
     *,
-    gravity: float = EARTH,
+    gravity: float = GRAVITY["earth"],
     grousers: Grousers | float | None = None,
     passes: ArrayLike = 1,
 ) -> WheelForces:

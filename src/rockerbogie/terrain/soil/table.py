@@ -14,7 +14,8 @@ from ..._kernels.soil import layout as lay
 from ..._kernels.soil import table as kernel
 from ...arrays import Array
 from ...errors import RockerbogieError
-from .forces import EARTH, check_gravity, check_law
+from ...gravity import GRAVITY, check_gravity
+from .forces import check_law
 from .laws import Grousers, Wheel, WheelLaw, check_range
 
 #: Nodes of load, slip and slip angle.
@@ -118,7 +119,7 @@ def tabulate(
     width: float,
     loads: tuple[float, float],
     *,
-    gravity: float = EARTH,
+    gravity: float = GRAVITY["earth"],
     grousers: Grousers | float | None = None,
     passes: int = 1,
     size: tuple[int, int, int] = SIZE,
