@@ -177,6 +177,17 @@ def test_wrong_predictions_give_a_sentence(folder, template, tmp_path, change, s
         rb.benchmark_mars(folder, fill(template, tmp_path / "mine.csv", change), draws=0)
 
 
+@pytest.mark.parametrize("line", [2, -1])
+@pytest.mark.parametrize(("cells", "says"), [(2, "has 2 cells and the header"), (9, "has 9 cells and the header")])
+def test_rows_of_another_width_are_refused(folder, template, tmp_path, line, cells, says):
+    file = fill(template, tmp_path / "mine.csv", lambda row: {**row, "pitch [deg]": 1, "roll [deg]": 1})
+    lines = file.read_text().splitlines()
+    lines[line] = ",".join((lines[line].split(",") + 9 * ["1"])[:cells])
+    file.write_text("\n".join(lines))
+    with pytest.raises(rb.RockerbogieError, match=f"line {line + 1 if line > 0 else len(lines)} {says}"):
+        rb.benchmark_mars(folder, file, draws=0)
+
+
 @pytest.mark.parametrize(("unit", "factor", "says"), [("deg", np.pi / 180, "in rad"), ("rad", 1.0, "90 deg")])
 def test_angles_in_another_unit_than_the_header_are_refused(folder, template, logged, tmp_path, unit, factor, says):
     def change(row):

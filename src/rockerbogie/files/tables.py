@@ -119,7 +119,7 @@ class Table(Mapping[str, Array]):
         k = self.find(name)
         if k is None:
             raise RockerbogieError(f"{self.file} has no column {name!r}; it has {', '.join(self.names)}")
-        return [row[k].strip() if k < len(row) else "" for row in self.rows]
+        return [row[k].strip() for row in self.rows]
 
     def numbers(self, name: str, unit: str | None = None) -> Array:
         """Return a column in SI.
@@ -181,20 +181,22 @@ class Table(Mapping[str, Array]):
         return values
 
 
-def read_columns(path: Path) -> Table:
+def read_columns(path: Path, *, cut_off: bool = False) -> Table:
     """Read a CSV file with a header line of `name [unit]`.
 
     Columns are separated by commas, semicolons or tabs; with the last two, numbers may have decimal commas. Lines that
-    begin with # are skipped. UTF-8 and UTF-16 are read.
+    begin with # are skipped. UTF-8 and UTF-16 are read. Empty cells after the last column are ignored.
 
     Args:
         path: the CSV file.
+        cut_off: True if the last line may be cut off, as in a log whose recording was interrupted. It is then left out, with
+            a note.
 
     Returns:
         A `Table`: column name → values (n,) in SI and rad, NaN where a cell is empty. Columns are converted at first use.
 
     Raises:
-        RockerbogieError: the file cannot be read, or has no rows of numbers.
+        RockerbogieError: the file cannot be read or has no rows of numbers, or a row has too few or too many cells.
     """
     try:
         data = path.read_bytes()
@@ -218,17 +220,22 @@ def read_columns(path: Path) -> Table:
     if separator != "," and any(DECIMAL_COMMA.match(cell.strip()) for row in rows[:50] for cell in row):
         rows = [[cell.replace(",", ".") if DECIMAL_COMMA.match(cell.strip()) else cell for cell in row] for row in rows]
         notes.append("numbers have decimal commas")
-    _check_widths(path.name, headers, rows, lines, separator)
-    if len(rows) > 1 and len(rows[-1]) < len(headers) and len(rows[-2]) >= len(headers):
+    if cut_off and len(rows) > 1 and len(rows[-1]) < len(headers):
         notes.append(f"the last line is cut off and was left out (line {lines[-1]})")
         rows, lines = rows[:-1], lines[:-1]
+    _check_widths(path.name, headers, rows, lines, separator)
     split = [_split_header(header) for header in headers]
     return Table(path.name, [name for name, _ in split], [unit for _, unit in split], rows, lines, notes)
 
 
 def _check_widths(file: str, headers: list[str], rows: list[list[str]], lines: list[int], separator: str) -> None:
-    """Raise if a row has more cells than the header has columns."""
+    """Raise if a row has fewer cells than the header has columns, or more that are not empty."""
     for row, line in zip(rows, lines, strict=True):
+        if len(row) < len(headers):
+            raise RockerbogieError(
+                f"{file}: line {line} has {len(row)} cells and the header {len(headers)} columns: complete the line, or end it "
+                f"with empty cells for missing values"
+            )
         if len(row) > len(headers) and any(cell.strip() for cell in row[len(headers) :]):
             raise RockerbogieError(
                 f"{file}: line {line} has {len(row)} cells and the header {len(headers)} columns, separated by "

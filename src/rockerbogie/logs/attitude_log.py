@@ -218,7 +218,7 @@ def read_places(file: str | Path, rover: Rover, mapping: LogMap | None = None) -
 def _read(path: Path) -> Table:
     """Return the table of a CSV file."""
     try:
-        return read_columns(path)
+        return read_columns(path, cut_off=True)
     except RockerbogieError as error:
         if path.is_file():
             raise

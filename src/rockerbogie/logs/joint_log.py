@@ -80,7 +80,7 @@ def read_log(
         raise RockerbogieError(f"counts_per_turn is {counts_per_turn}; give the encoder counts of one turn of a wheel")
     kind = path.suffix.lower()
     if kind == ".csv":
-        source = from_table(read_columns(path), rover, names or {}, counts_per_turn, report)
+        source = from_table(read_columns(path, cut_off=True), rover, names or {}, counts_per_turn, report)
     elif kind == ".nc":
         source = from_dataset(open_netcdf(path), rover, path.name, report)
     elif kind in (".mcap", ".db3", ".bag") or path.is_dir():
