@@ -114,7 +114,7 @@ def start(lanes: Array, wheels: Array, grid: Array, meta: Array, rover: Array, f
     if few > 0:
         gather_wheels(lanes, wheels, few)
         sample_wheel(wheels, grid, meta, rover, 0)
-        return_contacts(lanes, wheels, few)
+        return_contacts(lanes, wheels, few, True)
     else:
         for i in range(6):
             sample_wheel(lanes, grid, meta, rover, i)
@@ -136,12 +136,12 @@ def search_wheel(lanes: Array, grid: Array, meta: Array, rover: Array, i: int, a
         all_round: also check that the upper side clears the terrain.
 
     Reads:  POSE.x, POSE.y, POSE.q, POSE.active, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz,
-            CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.gx, CONTACT.gy, CONTACT.gap, BOUND (all), RIM (all),
-            COLUMN (all), CELL (all), PIECE (all), LOWEST (all), HOME (all), RIM_PIECES (all), TREAD (all), NODES (all),
-            BILINEAR.col, BILINEAR.row, BILINEAR.rejected
+            CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.gx, CONTACT.gy, CONTACT.gap, BOUND (all), RIM (all), COLUMN
+            (all), CELL (all), PIECE (all), LOWEST (all), HOME (all), RIM_PIECES (all), TREAD (all), LOW_LINE (all), NODES
+            (all), BILINEAR.col, BILINEAR.row, BILINEAR.rejected
     Writes: CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.tx, CONTACT.ty, CONTACT.tz, CONTACT.gx, CONTACT.gy,
-            CONTACT.gap, BOUND (all), RIM (all), COLUMN (all), CELL (all), PIECE (all), LOWEST (all), RIM_PIECES (all),
-            TREAD (all), NODES (all), BILINEAR.col, BILINEAR.row, BILINEAR.rejected
+            CONTACT.gap, BOUND (all), RIM (all), COLUMN (all), CELL (all), PIECE (all), LOWEST (all), RIM_PIECES (all), TREAD
+            (all), LOW_LINE (all), NODES (all), BILINEAR.col, BILINEAR.row, BILINEAR.rejected
     """
     half = rover[P_HALF + i]
     no_gap(lanes)
@@ -177,17 +177,17 @@ def search(lanes: Array, wheels: Array, grid: Array, meta: Array, rover: Array, 
         few: number of poses if their wheels are searched at once, else 0.
 
     Reads:  POSE.x, POSE.y, POSE.q, POSE.active, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz,
-            CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.gx, CONTACT.gy, CONTACT.gap, BOUND (all), RIM (all),
-            COLUMN (all), CELL (all), PIECE (all), LOWEST (all), HOME (all), RIM_PIECES (all), TREAD (all), NODES (all),
-            BILINEAR.col, BILINEAR.row, BILINEAR.rejected
+            CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.gx, CONTACT.gy, CONTACT.gap, BOUND (all), RIM (all), COLUMN
+            (all), CELL (all), PIECE (all), LOWEST (all), HOME (all), RIM_PIECES (all), TREAD (all), LOW_LINE (all), NODES
+            (all), BILINEAR.col, BILINEAR.row, BILINEAR.rejected
     Writes: CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.tx, CONTACT.ty, CONTACT.tz, CONTACT.gx, CONTACT.gy,
-            CONTACT.gap, BOUND (all), RIM (all), COLUMN (all), CELL (all), PIECE (all), LOWEST (all), RIM_PIECES (all),
-            TREAD (all), NODES (all), BILINEAR.col, BILINEAR.row, BILINEAR.rejected
+            CONTACT.gap, BOUND (all), RIM (all), COLUMN (all), CELL (all), PIECE (all), LOWEST (all), RIM_PIECES (all), TREAD
+            (all), LOW_LINE (all), NODES (all), BILINEAR.col, BILINEAR.row, BILINEAR.rejected
     """
     if few > 0:
         gather_wheels(lanes, wheels, few)
         search_wheel(wheels, grid, meta, rover, 0, all_round)
-        return_contacts(lanes, wheels, few)
+        return_contacts(lanes, wheels, few, True)
     else:
         for i in range(6):
             search_wheel(lanes, grid, meta, rover, i, all_round)
@@ -210,13 +210,13 @@ def track_wheel(lanes: Array, grid: Array, meta: Array, rover: Array, i: int) ->
             RIM.swap, RIM.sign, RIM.low_p, RIM.high_p, CELL (all), PIECE (all), LOWEST (all), HOME (all), TREAD.zh, TREAD.cos,
             TREAD.tan, TREAD.over, TREAD.az, TREAD.u0, TREAD.v0, TREAD.u_x, TREAD.u_y, TREAD.v_x, TREAD.v_y, TREAD.over_x,
             TREAD.over_y, TREAD.aside_x, TREAD.aside_y, TREAD.p_x, TREAD.p_y, TREAD.b_x, TREAD.b_y, TREAD.det, TREAD.half,
-            BILINEAR.col, BILINEAR.row, BILINEAR.rejected
+            LOW_LINE (all), BILINEAR.col, BILINEAR.row, BILINEAR.rejected
     Writes: CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.tx, CONTACT.ty, CONTACT.tz, CONTACT.gx, CONTACT.gy,
             CONTACT.gap, BOUND.low, RIM (all), CELL (all), PIECE (all), LOWEST (all), TREAD.zh, TREAD.cos, TREAD.tan,
             TREAD.over, TREAD.az, TREAD.u0, TREAD.v0, TREAD.u_x, TREAD.u_y, TREAD.v_x, TREAD.v_y, TREAD.over_x, TREAD.over_y,
             TREAD.aside_x, TREAD.aside_y, TREAD.v_low, TREAD.v_high, TREAD.p_0, TREAD.p_uu, TREAD.p_x, TREAD.p_y, TREAD.b_0,
             TREAD.b_uu, TREAD.b_x, TREAD.b_y, TREAD.col_0, TREAD.row_0, TREAD.col_1, TREAD.row_1, TREAD.det, TREAD.half,
-            TREAD.max_slope_squared, BILINEAR.col, BILINEAR.row, BILINEAR.rejected
+            TREAD.max_slope_squared, LOW_LINE (all), BILINEAR.col, BILINEAR.row, BILINEAR.rejected
     """
     half = rover[P_HALF + i]
     no_gap(lanes)
@@ -252,18 +252,18 @@ def track(lanes: Array, wheels: Array, grid: Array, meta: Array, rover: Array, f
             RIM.swap, RIM.sign, RIM.low_p, RIM.high_p, CELL (all), PIECE (all), LOWEST (all), HOME (all), TREAD.zh, TREAD.cos,
             TREAD.tan, TREAD.over, TREAD.az, TREAD.u0, TREAD.v0, TREAD.u_x, TREAD.u_y, TREAD.v_x, TREAD.v_y, TREAD.over_x,
             TREAD.over_y, TREAD.aside_x, TREAD.aside_y, TREAD.p_x, TREAD.p_y, TREAD.b_x, TREAD.b_y, TREAD.det, TREAD.half,
-            BILINEAR.col, BILINEAR.row, BILINEAR.rejected
+            LOW_LINE (all), BILINEAR.col, BILINEAR.row, BILINEAR.rejected
     Writes: CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.tx, CONTACT.ty, CONTACT.tz, CONTACT.gx, CONTACT.gy,
             CONTACT.gap, BOUND.low, RIM (all), CELL (all), PIECE (all), LOWEST (all), TREAD.zh, TREAD.cos, TREAD.tan,
             TREAD.over, TREAD.az, TREAD.u0, TREAD.v0, TREAD.u_x, TREAD.u_y, TREAD.v_x, TREAD.v_y, TREAD.over_x, TREAD.over_y,
             TREAD.aside_x, TREAD.aside_y, TREAD.v_low, TREAD.v_high, TREAD.p_0, TREAD.p_uu, TREAD.p_x, TREAD.p_y, TREAD.b_0,
             TREAD.b_uu, TREAD.b_x, TREAD.b_y, TREAD.col_0, TREAD.row_0, TREAD.col_1, TREAD.row_1, TREAD.det, TREAD.half,
-            TREAD.max_slope_squared, BILINEAR.col, BILINEAR.row, BILINEAR.rejected
+            TREAD.max_slope_squared, LOW_LINE (all), BILINEAR.col, BILINEAR.row, BILINEAR.rejected
     """
     if few > 0:
         gather_wheels(lanes, wheels, few)
         track_wheel(wheels, grid, meta, rover, 0)
-        return_contacts(lanes, wheels, few)
+        return_contacts(lanes, wheels, few, False)
     else:
         for i in range(6):
             track_wheel(lanes, grid, meta, rover, i)
@@ -352,12 +352,12 @@ def settle(lanes: Array, wheels: Array, ground: Ground, rover: Array, count: int
         rounds: number of rounds of tracking and searching, at most.
 
     Reads:  POSE.x, POSE.y, POSE.cy, POSE.sy, POSE.q, POSE.step, POSE.active, POSE.axes, POSE.right, POSE.rate, WHEEL (all),
-            CONTACT (all), BOUND (all), RIM (all), COLUMN (all), CELL (all), PIECE (all), LOWEST (all), HOME (all),
-            RIM_PIECES (all), TREAD (all), NODES (all), BILINEAR (all)
+            CONTACT (all), BOUND (all), RIM (all), COLUMN (all), CELL (all), PIECE (all), LOWEST (all), HOME (all), RIM_PIECES
+            (all), TREAD (all), LOW_LINE (all), NODES (all), BILINEAR (all)
     Writes: POSE.q, POSE.step, POSE.active, POSE.worst, POSE.axes, POSE.right, POSE.rate, WHEEL.lc, WHEEL.ls, WHEEL.bx,
             WHEEL.bz, WHEEL.br, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz, CONTACT (all), BOUND
-            (all), RIM (all), COLUMN (all), CELL (all), PIECE (all), LOWEST (all), HOME (all), RIM_PIECES (all), TREAD
-            (all), NODES (all), BILINEAR (all)
+            (all), RIM (all), COLUMN (all), CELL (all), PIECE (all), LOWEST (all), HOME (all), RIM_PIECES (all), TREAD (all),
+            LOW_LINE (all), NODES (all), BILINEAR (all)
     """
     grid, _, meta = ground
     for l in range(LANES):

@@ -55,8 +55,9 @@ def load(
         k = which[min(l, count - 1)]
         lanes[POSE.x + l], lanes[POSE.y + l] = x[k] - meta[META_X], y[k] - meta[META_Y]
         lanes[POSE.yaw + l] = yaw[k] if abs(yaw[k]) < FAR else 0.0
-        if fresh or steering.shape[0] > 1:
+        if steering.shape[0] > 1 or (fresh and l == 0):  # the same steering for all lanes: the first block holds it
             set_hub_offsets(rover, steering[k if steering.shape[0] > 1 else 0], work.hub_offsets)
+        if steering.shape[0] > 1 or fresh:
             for i in range(6):
                 k = i * LANES + l
                 lanes[WHEEL.fx + k], lanes[WHEEL.fy + k] = work.hub_offsets[i, 0], work.hub_offsets[i, 1]

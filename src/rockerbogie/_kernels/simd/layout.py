@@ -162,6 +162,10 @@ class ColumnRows(NamedTuple):
     bound_out: int = LANES  # lower bound of the gap over the second piece
     cell_turn: int = LANES  # t of the cell in which the rim turns back
     beyond: int = LANES  # flag: that is a third cell
+    s_into: int = LANES  # sin φ where it enters the third cell, or the column if that is later
+    c_into: int = LANES
+    s_back: int = LANES  # sin φ where it leaves the third cell, or the column if that is earlier
+    c_back: int = LANES
     low_beyond: int = LANES  # lower bound of the gap over the third cell
 
 
@@ -280,6 +284,23 @@ class TreadRows(NamedTuple):
     node_height: int = LANES  # its height
 
 
+class LowLineRows(NamedTuple):
+    """Line over a cell on which tread minus terrain is lowest along the axle.
+
+    It is v = w0 + w1 u, from the cell's low corner.
+    """
+
+    w0: int = LANES  # m
+    w1: int = LANES
+    k1: int = LANES  # along the line the derivative by u is m / cos + k1 + k2 u, with m = u / q
+    k2: int = LANES  # 1/m
+    left: int = LANES  # its least u over the cell and under the tread
+    right: int = LANES  # its greatest u there
+    m_left: int = LANES  # m at the left end
+    m_right: int = LANES  # m at the right end
+    open: int = LANES  # flag: the derivative may rise through 0 between the ends
+
+
 class NodeRows(NamedTuple):
     """Grid nodes under one wheel, row by row."""
 
@@ -321,6 +342,7 @@ LOWEST, _end = place_rows(LowestRows, _end)
 HOME, _end = place_rows(HomeRows, _end)
 RIM_PIECES, _end = place_rows(RimPieceRows, _end)
 TREAD, _end = place_rows(TreadRows, _end)
+LOW_LINE, _end = place_rows(LowLineRows, _end)
 NODES, _end = place_rows(NodeRows, _end)
 BILINEAR, _end = place_rows(BilinearRows, _end)
 SPOT, BILINEAR_SIZE = place_rows(SpotRows, _end)

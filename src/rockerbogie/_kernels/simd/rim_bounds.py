@@ -242,11 +242,50 @@ def _bound(lanes: Array, at_s: int, at_c: int, to_s: int, to_c: int, cell: int, 
 
 
 @fma_njit
+def _arc_beyond(lanes: Array) -> None:
+    """Compute the arc of the rim over the third cell of a column, and take that cell.
+
+    Beyond the grid line between, t grows from the arc's start to its turn, and falls from there to its end.
+
+    Args:
+        lanes: the lane array (`layout`).
+
+    Reads:  RIM.t0, RIM.c, RIM.d, RIM.q2, RIM.over_q, RIM.swap, COLUMN.s_in, COLUMN.c_in, COLUMN.s_out, COLUMN.c_out,
+            COLUMN.cell_in, COLUMN.cell_out, COLUMN.cell_turn, CELL.p
+    Writes: COLUMN.s_into, COLUMN.c_into, COLUMN.s_back, COLUMN.c_back, CELL.col, CELL.row
+    """
+    for l in range(LANES):
+        turn, low, high = (
+            lanes[COLUMN.cell_turn + l],
+            min(lanes[COLUMN.cell_in + l], lanes[COLUMN.cell_out + l]),
+            max(lanes[COLUMN.cell_in + l], lanes[COLUMN.cell_out + l]),
+        )
+        s_in, c_in, s_out, c_out = (
+            lanes[COLUMN.s_in + l],
+            lanes[COLUMN.c_in + l],
+            lanes[COLUMN.s_out + l],
+            lanes[COLUMN.c_out + l],
+        )
+        up = 1.0 if turn > high else -1.0
+        line = up * ((high + 1.0 if turn > high else low) - lanes[RIM.t0 + l])
+        a, b, over = up * lanes[RIM.c + l], up * lanes[RIM.d + l], lanes[RIM.over_q + l]
+        root = math.sqrt(max(lanes[RIM.q2 + l] - line * line, 0.0))
+        s, k = (a * line - b * root) * over, (b * line + a * root) * over
+        before = (k < 0.0) | (s < s_in)
+        lanes[COLUMN.s_into + l], lanes[COLUMN.c_into + l] = (s_in if before else s), (c_in if before else k)
+        s, k = (a * line + b * root) * over, (b * line - a * root) * over
+        after = (k < 0.0) | (s > s_out)
+        lanes[COLUMN.s_back + l], lanes[COLUMN.c_back + l] = (s_out if after else s), (c_out if after else k)
+        swap, p = lanes[RIM.swap + l] > 0.0, lanes[CELL.p + l]
+        lanes[CELL.col + l], lanes[CELL.row + l] = (turn if swap else p), (p if swap else turn)
+
+
+@fma_njit
 def bound_pieces(lanes: Array, grid: Array, meta: Array, columns: int) -> None:
     """Compute lower bounds of all pieces of the rims, column by column.
 
-    A tilted rim may turn back beyond the two cells of a column. Over that third cell the whole column's part is bounded;
-    the bound goes into LOWEST.doubt. If the rim reaches more cells, LOWEST.doubt is NONE.
+    A tilted rim may turn back beyond the two cells of a column. The bound over that third cell goes into LOWEST.doubt. If the
+    rim reaches more cells, LOWEST.doubt is NONE.
 
     Args:
         lanes: the lane array (`layout`).
@@ -307,12 +346,10 @@ def bound_pieces(lanes: Array, grid: Array, meta: Array, columns: int) -> None:
         for l in range(lane_count):
             turning += 1 if lanes[COLUMN.beyond + l] > 0.0 else 0
         if turning > 0:
-            # the third cell is not searched: its bound is that of the column's whole part over it
-            for l in range(LANES):
-                swap, p, t = lanes[RIM.swap + l] > 0.0, lanes[CELL.p + l], lanes[COLUMN.cell_turn + l]
-                lanes[CELL.col + l], lanes[CELL.row + l] = (t if swap else p), (p if swap else t)
+            # the third cell is not searched
+            _arc_beyond(lanes)
             corners(lanes, grid, meta)
-            _bound(lanes, COLUMN.s_in, COLUMN.c_in, COLUMN.s_out, COLUMN.c_out, COLUMN.cell_turn, COLUMN.low_beyond)
+            _bound(lanes, COLUMN.s_into, COLUMN.c_into, COLUMN.s_back, COLUMN.c_back, COLUMN.cell_turn, COLUMN.low_beyond)
             for l in range(LANES):
                 doubt, low = lanes[LOWEST.doubt + l], lanes[COLUMN.low_beyond + l]
                 lanes[LOWEST.doubt + l] = min(doubt, low) if lanes[COLUMN.beyond + l] > 0.0 else doubt

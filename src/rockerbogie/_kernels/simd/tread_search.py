@@ -15,7 +15,7 @@ from ..jit.decorators import fma_njit, inlined
 from ..model.linkage import P_HALF, P_RADIUS
 from ..model.tolerances import GAP_TIE
 from .cells import corners
-from .layout import BOUND, CELL, CONTACT, LANES, LOWEST, NODES, ROOM, SIDE, TREAD
+from .layout import BOUND, CELL, CONTACT, LANES, LOW_LINE, LOWEST, NODES, ROOM, SIDE, TREAD
 from .lowest_bound import lowest, next_lowest, pad_bounds
 from .rim_bounds import NONE
 from .tread_edges import bound_edges, edges_of_cells, edges_of_nodes, keep_lower_inside, take_heights_of_edges
@@ -92,47 +92,32 @@ def bound_cells(lanes: Array, rover: Array, i: int, columns: int, lines: int) ->
 
 
 @fma_njit
-def lowest_inside_cells(lanes: Array, rover: Array, meta: Array, i: int) -> None:
-    """Find wheel i's lowest gap inside a cell, and keep it if lower.
+def low_lines(lanes: Array, rover: Array, i: int) -> float:
+    """Compute the lines over cells on which wheel i's gap is lowest along its axle.
 
     The cell is (CELL.col, CELL.row), whose corner heights are known. Along the axle, tread minus terrain is lowest where
-    h_v = tan τ, on a line v = w0 + w1 u. Along that line its derivative is f = u / (q cos τ) + k1 + k2 u. As a function of
-    m = u / q, f is convex for m > 0 and concave for m < 0. So Newton's method finds where f rises through 0 from an end of
-    the line: from the right end if f > 0 there, else from the left end. Lanes with two such points or without convergence
-    reduce LOWEST.doubt to their bound.
+    h_v = tan τ, on a line v = w0 + w1 u, if the terrain is convex downwards. Along that line its derivative is f = u / (q cos τ)
+    + k1 + k2 u. The line is not open if f is not negative at its left end and not positive at its right end: no minimum
+    is between.
 
     Args:
         lanes: the lane array (`layout`).
         rover: the packed rover.
-        meta: the map header.
         i: index of the wheel.
 
-    Reads:  BOUND.low, CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, LOWEST.gap, LOWEST.sine, LOWEST.cosine,
-            LOWEST.offset, LOWEST.col, LOWEST.row, LOWEST.doubt, TREAD.zh, TREAD.tan, TREAD.over, TREAD.az, TREAD.u0,
-            TREAD.v0, TREAD.u_x, TREAD.u_y, TREAD.v_x, TREAD.v_y, TREAD.det, TREAD.half
-    Writes: LOWEST.gap, LOWEST.sine, LOWEST.cosine, LOWEST.offset, LOWEST.col, LOWEST.row, LOWEST.doubt
+    Returns:
+        Number of open lines.
+
+    Reads:  BOUND.low, CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, TREAD.tan, TREAD.over, TREAD.u0, TREAD.u_x,
+            TREAD.u_y, TREAD.v_x, TREAD.v_y, TREAD.det, LOW_LINE.open
+    Writes: LOW_LINE (all)
     """
     i = min(max(i, 0), 5)
     radius = rover[P_RADIUS + i]
     end = 0.9999999 * radius
     for l in range(LANES):
-        col, row, tan, over = lanes[CELL.col + l], lanes[CELL.row + l], lanes[TREAD.tan + l], lanes[TREAD.over + l]
-        du, dv, eu, ev, over_det = (
-            lanes[TREAD.u_x + l],
-            lanes[TREAD.v_x + l],
-            lanes[TREAD.u_y + l],
-            lanes[TREAD.v_y + l],
-            1.0 / lanes[TREAD.det + l],
-        )  # of a step along x, along y
-        a, slope_x, slope_y = (
-            lanes[CELL.h00 + l],
-            lanes[CELL.h01 + l] - lanes[CELL.h00 + l],
-            lanes[CELL.h10 + l] - lanes[CELL.h00 + l],
-        )
-        twist = lanes[CELL.h11 + l] - lanes[CELL.h01 + l] - slope_y
-        # (u', v') from the cell's low corner is at x = xu u' + xv v', y = yu u' + yv v'
-        xu, xv, yu, yv = ev * over_det, -eu * over_det, -dv * over_det, du * over_det
-        u, v = lanes[TREAD.u0 + l] + col * du + row * eu, lanes[TREAD.v0 + l] + col * dv + row * ev
+        tan, over = lanes[TREAD.tan + l], lanes[TREAD.over + l]
+        slope_x, slope_y, twist, u, (xu, xv, yu, yv) = _in_tread_coordinates(lanes, l)
         hu, hv, huu, huv, hvv = (
             slope_x * xu + slope_y * yu,
             slope_x * xv + slope_y * yv,
@@ -140,8 +125,7 @@ def lowest_inside_cells(lanes: Array, rover: Array, meta: Array, i: int) -> None
             twist * (xu * yv + xv * yu),
             2.0 * twist * xv * yv,
         )
-        low, doubt = lanes[BOUND.low + l], lanes[LOWEST.doubt + l]
-        convex = (hvv < -1e-9) & (low < math.inf)
+        convex = (hvv < -1e-9) & (lanes[BOUND.low + l] < math.inf)
         over_hvv = 1.0 / min(hvv, -1e-9)
         w0, w1 = (tan - hv) * over_hvv, -huv * over_hvv  # the line is v' = w0 + w1 u'
         k2 = -(huu + huv * w1)
@@ -155,6 +139,84 @@ def lowest_inside_cells(lanes: Array, rover: Array, meta: Array, i: int) -> None
         convex &= left < right
         left, right = min(left, end), max(right, -end)
         m0, m1 = left / math.sqrt(radius * radius - left * left), right / math.sqrt(radius * radius - right * right)
+        f0, f1 = m0 * over + k1 + k2 * left, m1 * over + k1 + k2 * right
+        lanes[LOW_LINE.w0 + l], lanes[LOW_LINE.w1 + l], lanes[LOW_LINE.k1 + l], lanes[LOW_LINE.k2 + l] = w0, w1, k1, k2
+        lanes[LOW_LINE.left + l], lanes[LOW_LINE.right + l] = left, right
+        lanes[LOW_LINE.m_left + l], lanes[LOW_LINE.m_right + l] = m0, m1
+        lanes[LOW_LINE.open + l] = 1.0 if convex & (not ((f1 <= 0.0) & (f0 >= 0.0))) else 0.0
+    count = 0.0
+    for l in range(LANES):
+        count += lanes[LOW_LINE.open + l]
+    return count
+
+
+@inlined
+def _in_tread_coordinates(lanes: Array, l: int) -> tuple[float, float, float, float, tuple[float, float, float, float]]:
+    """Return a cell's slopes, and its axes in the coordinates of the tread.
+
+    (u', v') from the cell's low corner is at x = xu u' + xv v', y = yu u' + yv v'.
+
+    Args:
+        lanes: the lane array (`layout`).
+        l: lane.
+
+    Returns:
+        Slopes along x and y at the low corner and twist, m per cell; u of the corner; xu, xv, yu, yv.
+
+    Reads:  CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, TREAD.u0, TREAD.u_x, TREAD.u_y, TREAD.v_x, TREAD.v_y,
+            TREAD.det
+    Writes: none
+    """
+    du, dv, eu, ev, over_det = (
+        lanes[TREAD.u_x + l],
+        lanes[TREAD.v_x + l],
+        lanes[TREAD.u_y + l],
+        lanes[TREAD.v_y + l],
+        1.0 / lanes[TREAD.det + l],
+    )  # of a step along x, along y
+    slope_x, slope_y = lanes[CELL.h01 + l] - lanes[CELL.h00 + l], lanes[CELL.h10 + l] - lanes[CELL.h00 + l]
+    twist = lanes[CELL.h11 + l] - lanes[CELL.h01 + l] - slope_y
+    u = lanes[TREAD.u0 + l] + lanes[CELL.col + l] * du + lanes[CELL.row + l] * eu
+    return slope_x, slope_y, twist, u, (ev * over_det, -eu * over_det, -dv * over_det, du * over_det)
+
+
+@fma_njit
+def lowest_on_lines(lanes: Array, rover: Array, i: int) -> None:
+    """Find wheel i's lowest gap on the open lines, and keep it if lower.
+
+    As a function of m = u / q, f of `low_lines` is convex for m > 0 and concave for m < 0. So Newton's method finds where f
+    rises through 0 from an end of the line: from the right end if f > 0 there, else from the left end. Lanes with two such
+    points or without convergence reduce LOWEST.doubt to their bound.
+
+    Args:
+        lanes: the lane array (`layout`).
+        rover: the packed rover.
+        i: index of the wheel.
+
+    Reads:  BOUND.low, CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, LOWEST.gap, LOWEST.sine, LOWEST.cosine,
+            LOWEST.offset, LOWEST.col, LOWEST.row, LOWEST.doubt, TREAD.zh, TREAD.tan, TREAD.over, TREAD.az, TREAD.u0,
+            TREAD.v0, TREAD.u_x, TREAD.u_y, TREAD.v_x, TREAD.v_y, TREAD.det, TREAD.half, LOW_LINE (all)
+    Writes: LOWEST.gap, LOWEST.sine, LOWEST.cosine, LOWEST.offset, LOWEST.col, LOWEST.row, LOWEST.doubt
+    """
+    i = min(max(i, 0), 5)
+    radius = rover[P_RADIUS + i]
+    for l in range(LANES):
+        col, row, tan, over = lanes[CELL.col + l], lanes[CELL.row + l], lanes[TREAD.tan + l], lanes[TREAD.over + l]
+        slope_x, slope_y, twist, u, (xu, xv, yu, yv) = _in_tread_coordinates(lanes, l)
+        v = lanes[TREAD.v0 + l] + col * lanes[TREAD.v_x + l] + row * lanes[TREAD.v_y + l]
+        w0, w1, k1, k2 = (
+            lanes[LOW_LINE.w0 + l],
+            lanes[LOW_LINE.w1 + l],
+            lanes[LOW_LINE.k1 + l],
+            lanes[LOW_LINE.k2 + l],
+        )
+        left, right, m0, m1 = (
+            lanes[LOW_LINE.left + l],
+            lanes[LOW_LINE.right + l],
+            lanes[LOW_LINE.m_left + l],
+            lanes[LOW_LINE.m_right + l],
+        )
+        opened, low, doubt = lanes[LOW_LINE.open + l] > 0.0, lanes[BOUND.low + l], lanes[LOWEST.doubt + l]
         f0, f1 = m0 * over + k1 + k2 * left, m1 * over + k1 + k2 * right
         twice = (f0 < 0.0) & (f1 > 0.0) & (k2 * radius < -over)  # f may rise through 0 twice
         rightly = f1 > 0.0
@@ -173,12 +235,30 @@ def lowest_inside_cells(lanes: Array, rover: Array, meta: Array, i: int) -> None
         at_v = w0 + w1 * (at - u)
         x, y = xu * (at - u) + xv * at_v, yu * (at - u) + yv * at_v
         s = (v + at_v - q * lanes[TREAD.az + l]) * over
+        a = lanes[CELL.h00 + l]
         gap = lanes[TREAD.zh + l] + (v + at_v) * tan - q * over - (a + slope_x * x + slope_y * y + twist * x * y)
         found = (abs(off) < 1e-6) & (steep > 0.0)
-        none = gone | ((f1 <= 0.0) & (f0 >= 0.0))
-        lanes[LOWEST.doubt + l] = min(doubt, low) if convex & (twice | (not (found | none))) else doubt
-        there = convex & found & (not none) & (at >= left) & (at <= right) & (abs(s) <= lanes[TREAD.half + l])
+        lanes[LOWEST.doubt + l] = min(doubt, low) if opened & (twice | (not (found | gone))) else doubt
+        there = opened & found & (not gone) & (at >= left) & (at <= right) & (abs(s) <= lanes[TREAD.half + l])
         keep_lower_inside(lanes, l, gap, m * w, w, s, col, row, there)
+
+
+@inlined
+def lowest_inside_cells(lanes: Array, rover: Array, i: int) -> None:
+    """Find wheel i's lowest gap inside a cell, and keep it if lower.
+
+    Args:
+        lanes: the lane array (`layout`).
+        rover: the packed rover.
+        i: index of the wheel.
+
+    Reads:  BOUND.low, CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, LOWEST.gap, LOWEST.sine, LOWEST.cosine,
+            LOWEST.offset, LOWEST.col, LOWEST.row, LOWEST.doubt, TREAD.zh, TREAD.tan, TREAD.over, TREAD.az, TREAD.u0,
+            TREAD.v0, TREAD.u_x, TREAD.u_y, TREAD.v_x, TREAD.v_y, TREAD.det, TREAD.half, LOW_LINE (all)
+    Writes: LOWEST.gap, LOWEST.sine, LOWEST.cosine, LOWEST.offset, LOWEST.col, LOWEST.row, LOWEST.doubt, LOW_LINE (all)
+    """
+    if low_lines(lanes, rover, i) > 0.0:
+        lowest_on_lines(lanes, rover, i)
 
 
 @fma_njit
@@ -227,12 +307,12 @@ def search_insides(lanes: Array, grid: Array, meta: Array, rover: Array, i: int,
 
     Reads:  BOUND (all), CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, LOWEST.gap, LOWEST.sine, LOWEST.cosine,
             LOWEST.offset, LOWEST.col, LOWEST.row, LOWEST.doubt, HOME (all), TREAD.zh, TREAD.cos, TREAD.tan, TREAD.over,
-            TREAD.az, TREAD.u0, TREAD.v0, TREAD.u_x, TREAD.u_y, TREAD.v_x, TREAD.v_y, TREAD.over_x, TREAD.over_y,
-            TREAD.aside_x, TREAD.aside_y, TREAD.v_low, TREAD.v_high, TREAD.p_0, TREAD.p_uu, TREAD.p_x, TREAD.p_y, TREAD.b_0,
-            TREAD.b_uu, TREAD.b_x, TREAD.b_y, TREAD.col_0, TREAD.row_0, TREAD.col_1, TREAD.row_1, TREAD.det, TREAD.half,
-            TREAD.fits, NODES (all)
+            TREAD.az, TREAD.u0, TREAD.v0, TREAD.u_x, TREAD.u_y, TREAD.v_x, TREAD.v_y, TREAD.over_x, TREAD.over_y, TREAD.aside_x,
+            TREAD.aside_y, TREAD.v_low, TREAD.v_high, TREAD.p_0, TREAD.p_uu, TREAD.p_x, TREAD.p_y, TREAD.b_0, TREAD.b_uu,
+            TREAD.b_x, TREAD.b_y, TREAD.col_0, TREAD.row_0, TREAD.col_1, TREAD.row_1, TREAD.det, TREAD.half, TREAD.fits,
+            LOW_LINE (all), NODES (all)
     Writes: BOUND (all), CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, LOWEST.gap, LOWEST.sine, LOWEST.cosine,
-            LOWEST.offset, LOWEST.col, LOWEST.row, LOWEST.doubt, NODES.bound
+            LOWEST.offset, LOWEST.col, LOWEST.row, LOWEST.doubt, LOW_LINE (all), NODES.bound
     """
     for l in range(LANES):
         lanes[LOWEST.doubt + l] = lanes[LOWEST.doubt + l] if lanes[TREAD.fits + l] > 0.0 else NONE
@@ -247,7 +327,7 @@ def search_insides(lanes: Array, grid: Array, meta: Array, rover: Array, i: int,
     lowest(lanes, NODES.bound, columns * lines)
     while take_lowest_nodes(lanes, columns) > 0.0:
         corners(lanes, grid, meta)
-        lowest_inside_cells(lanes, rover, meta, i)
+        lowest_inside_cells(lanes, rover, i)
         next_lowest(lanes, NODES.bound, columns * lines)
 
 
@@ -264,12 +344,13 @@ def track_insides(lanes: Array, rover: Array, meta: Array, i: int) -> None:
     Reads:  CONTACT.offset, BOUND.low, CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, LOWEST.gap, LOWEST.sine,
             LOWEST.cosine, LOWEST.offset, LOWEST.col, LOWEST.row, LOWEST.doubt, TREAD.zh, TREAD.cos, TREAD.tan, TREAD.over,
             TREAD.az, TREAD.u0, TREAD.v0, TREAD.u_x, TREAD.u_y, TREAD.v_x, TREAD.v_y, TREAD.over_x, TREAD.over_y, TREAD.aside_x,
-            TREAD.aside_y, TREAD.p_x, TREAD.p_y, TREAD.b_x, TREAD.b_y, TREAD.det, TREAD.half
-    Writes: BOUND.low, LOWEST.gap, LOWEST.sine, LOWEST.cosine, LOWEST.offset, LOWEST.col, LOWEST.row, LOWEST.doubt, TREAD.half
+            TREAD.aside_y, TREAD.p_x, TREAD.p_y, TREAD.b_x, TREAD.b_y, TREAD.det, TREAD.half, LOW_LINE (all)
+    Writes: BOUND.low, LOWEST.gap, LOWEST.sine, LOWEST.cosine, LOWEST.offset, LOWEST.col, LOWEST.row, LOWEST.doubt, TREAD.half,
+            LOW_LINE (all)
     """
     half = rover[P_HALF + i]
     for l in range(LANES):
         inside = abs(lanes[CONTACT.offset + i * LANES + l]) < half
         lanes[TREAD.half + l], lanes[BOUND.low + l] = (half, NONE) if inside else (-1.0, math.inf)
     edges_of_cells(lanes, rover, i)
-    lowest_inside_cells(lanes, rover, meta, i)
+    lowest_inside_cells(lanes, rover, i)

@@ -61,20 +61,22 @@ def gather_wheels(lanes: Array, wheels: Array, few: int) -> None:
 
 
 @njit
-def return_contacts(lanes: Array, wheels: Array, few: int) -> None:
-    """Copy the contacts found back to the poses; spare lanes repeat the last pose.
+def return_contacts(lanes: Array, wheels: Array, few: int, spare: bool) -> None:
+    """Copy the contacts found back to the poses.
 
     Args:
         lanes: the lane array (`layout`).
         wheels: lane array of the wheels.
         few: number of poses, 1 to FEW.
+        spare: True: spare lanes repeat the last pose. False: they keep the contacts of an earlier call, which are finite.
 
     Reads:  none
     Writes: CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.tx, CONTACT.ty, CONTACT.tz, CONTACT.gx, CONTACT.gy,
             CONTACT.gap, BILINEAR.col, BILINEAR.row, BILINEAR.rejected
     """
+    count = LANES if spare else few
     for i in range(6):
-        for l in range(LANES):
+        for l in range(count):
             n, k = 6 * min(l, few - 1) + i, i * LANES + l
             for row in (CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.tx, CONTACT.ty, CONTACT.tz, CONTACT.gx, CONTACT.gy):
                 lanes[row + k] = wheels[row + n]
