@@ -15,7 +15,7 @@ import rockerbogie as rb
 from rockerbogie._kernels.batch import contact_mode, contacts, coverage, equilibrium_mode
 from rockerbogie._kernels.dynamics import rollout
 from rockerbogie._kernels.model import ground, jacobians
-from rockerbogie._kernels.odometry import commands, twist
+from rockerbogie._kernels.odometry import commands, frames, twist
 from rockerbogie._kernels.simd import bilinear_touch
 from rockerbogie._kernels.soil import forces, table
 from rockerbogie._kernels.statics import frictionless, loads
@@ -34,6 +34,7 @@ SIGNATURES = {
     rollout.predict_batch: 2,
     forces.forces_batch: 1, forces.motion_batch: 1, table.table_batch: 1, table.motion_table_batch: 1,
     commands.commands_batch: 1, twist.twist_batch: 1, jacobians.wheel_jacobians_batch: 1,
+    frames.wheel_frames_batch: 1, frames.contact_planes_batch: 1,
     raster_kernels.shade: 1, raster_kernels.rasterise: 1,
 }  # fmt: skip
 #: Ordinary use of one pose and of many, in a process that may not compile.

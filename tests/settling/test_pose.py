@@ -64,3 +64,18 @@ def test_a_dataset_in_equilibrium_mode_holds_forces(tmp_path) -> None:
     assert data["joint_stop"].dims == ("pose", "joint")
     data.to_netcdf(tmp_path / "pose.nc", engine="h5netcdf")
     assert "support" not in rb.settle(ROVER, TERRAIN, 0.0, 0.0).to_xarray()
+
+
+def test_contact_planes_are_normals_and_positions_along_the_axles() -> None:
+    rover = rb.load_rover("curiosity")
+    terrain = rb.surfaces.rocks(seed=4, size=(12.0, 12.0))
+    steering = np.random.default_rng(2).uniform(-0.4, 0.4, (3, 2, 6)) * rover.steers
+    pose = rb.settle(rover, terrain, np.array([[-1.0], [0.0], [40.0]]), [0.3, 1.2], 0.7, steering=steering)
+    inverse = np.linalg.inv(pose.T_world_body[:2])[..., None, :, :]
+    point = np.concatenate([pose.contact_point[:2], np.ones((2, 2, 6, 1))], axis=-1)[..., None]
+    in_axle = (np.linalg.inv(pose.axle_frames[:2]) @ inverse @ point)[..., 1, 0]
+    assert_close(pose.contact_planes[:2, ..., 3], in_axle, 1e-12, "m", "y of the contact in the axle's own frame")
+    normal = (inverse[..., :3, :3] @ pose.contact_normal[:2, ..., None])[..., 0]
+    assert_close(pose.contact_planes[:2, ..., :3], normal, 1e-12, "", "the normal in the body")
+    assert np.abs(in_axle).max() > 0.05, "some treads touch a rock beside their middle"
+    assert np.isnan(pose.contact_planes[2]).all(), "off the map"

@@ -17,7 +17,7 @@ from ..errors import RockerbogieError
 TOO_STEEP = 1.3
 
 #: Number of steps of `_steps`.
-STEPS = 32
+STEPS = 33
 
 
 class Compiled(NamedTuple):
@@ -105,6 +105,7 @@ def _steps() -> Iterator[Callable[[], object]]:
         yield partial(predict, rover, level, None, Path.straight((0.0, 0.0), 0.0, 0.1), friction=0.8, details=False)
         yield partial(verify, pose)
     yield partial(wheel_jacobians, rover, pose)
+    yield partial(getattr, pose, "axle_frames")
     yield partial(body_twist, rover, pose)
     yield partial(stability, pose)
     yield partial(force_values, pose, ("tip_margin",))

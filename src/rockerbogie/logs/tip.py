@@ -10,7 +10,7 @@ from .._kernels.statics.mechanism import BELLY
 from ..arrays import Array
 from ..rover.frames import contact_frames, wheel_frames
 from ..rover.model import Rover
-from ..rover.rotations import body_transform, euler_angles
+from ..rover.rotations import euler_angles
 from ..statics.stability import GRIP
 
 NO_BELLY = np.full((1, BELLY, 3), np.nan)
@@ -32,18 +32,18 @@ def tip_margin(rover: Rover, T: Array, rocker: float, bogie: Array, steering: Ar
     Returns:
         Tip margin as of `stability`, rad; NaN if the rover has no mass, or an angle is NaN.
     """
-    angles = np.array([rocker, *bogie, *steering, *contact_angle])
-    if not (rover.mass > 0.0 and np.isfinite(angles).all() and np.isfinite(T).all()):
+    angles = np.concatenate([T.ravel(), [rocker], bogie, steering, contact_angle])
+    if not (rover.mass > 0.0 and np.isfinite(angles).all()):
         return float("nan")
-    roll, pitch, _ = euler_angles(T[:3, :3])
-    axle = wheel_frames(rover, rocker, bogie, steering)
-    contact = body_transform(0, 0, 0, roll, pitch, 0.0) @ contact_frames(rover, axle, contact_angle)
+    R = T[:3, :3]
+    roll, pitch, yaw = euler_angles(R)
+    contact = contact_frames(rover, wheel_frames(rover, rocker, bogie, steering), contact_angle)[:, :3, 2:]
+    normal, point = (contact.transpose(2, 0, 1) @ R.T)[:, None]
     q = np.array([[0.0, roll, pitch, rocker, bogie[0], bogie[1]]])
     margin, bound, direction = np.empty((3, 1))
     unwanted = np.empty(0)
     kernel.stability_batch(
-        rover.packed, np.zeros(1), steering[None], q, np.ascontiguousarray(contact[None, :, :3, 3]),
-        np.ascontiguousarray(contact[None, :, :3, 2]), NO_LINES, NO_STOPS, NO_BELLY, NO_BELLY, GRIP, MARGIN,
+        rover.packed, np.array([yaw]), steering[None], q, point, normal, NO_LINES, NO_STOPS, NO_BELLY, NO_BELLY, GRIP, MARGIN,
         margin, bound, direction, np.empty((1, 6), dtype=bool), np.empty(1, dtype=bool), unwanted, unwanted, 0, 1,
     )  # fmt: skip
     return float(margin[0])

@@ -16,7 +16,7 @@ from ..arrays import Array, flat, flat_steering, spanned
 from ..errors import RockerbogieError
 from ..rover.frames import contact_frames, joint_angles, wheel_frames
 from ..rover.model import Rover
-from ..settling.pose import Pose, planes_of
+from ..settling.pose import Pose
 
 #: Columns of eq. 9's Jacobian, each a rate: rad/s, and m/s for the roll and side slip.
 JACOBIAN_COLUMNS = (
@@ -256,13 +256,9 @@ def contact_planes(rover: Rover, pose: ContactState) -> ContactPlanes:
         return ContactPlanes(pose.rocker, pose.bogie, pose.steering, pose.contact_angle, pose.contact_planes)
     q, b, turn, delta = stance_angles(rover, pose, None)
     planes = None
-    if isinstance(pose, SimpleStance):
-        if pose.normal is not None:
-            planes = np.zeros((*np.shape(pose.normal)[:-1], 4))
-            planes[..., :3] = pose.normal
-    elif hasattr(pose, "contact_normal"):
-        T, point = pose.T_world_body, pose.contact_point  # type: ignore[attr-defined]
-        planes = planes_of(T, wheel_frames(rover, q, b, turn), pose.contact_normal, point)
+    if isinstance(pose, SimpleStance) and pose.normal is not None:
+        planes = np.zeros((*np.shape(pose.normal)[:-1], 4))
+        planes[..., :3] = pose.normal
     return ContactPlanes(q, b, turn, delta, planes)
 
 

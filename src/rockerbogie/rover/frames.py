@@ -10,10 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, once, spanned
+from .._kernels.jit.parallel import parallel_for
+from .._kernels.odometry.frames import wheel_frames_batch
+from ..arrays import Array, flat, flat_steering, once, spanned
 from ..errors import RockerbogieError, expect
 from .model import LOAD_ROVER, Rover
-from .rotations import rotation_y, rotation_z
+from .rotations import rotation_y
 
 #: Steered poses that are checked at once, so that temporaries stay small.
 RUN = 4096
@@ -100,22 +102,10 @@ def wheel_frames(rover: Rover, rocker: ArrayLike, bogie: ArrayLike, steering: Ar
         RockerbogieError: a shape that does not fit, or steering on a wheel that does not steer.
     """
     q, b, psi = joint_angles(rover, rocker, bogie, steering)
-    arm = np.stack([q, rover.right_rocker(q)], axis=-1)[..., WHEEL_SIDE]  # (..., 6) the rocker's angle at each wheel
-    swing = np.where(ON_BOGIE, b[..., WHEEL_SIDE], 0.0)
-    pivot = rover.rocker_pivot[WHEEL_SIDE]
-    joint = np.where(ON_BOGIE[:, None], rover.bogie_pivot[WHEEL_SIDE], pivot)
-    offset = np.concatenate([rover.steering_offset, np.zeros((6, 1))], axis=1)
-    turn = rotation_z(psi)
-    hub = rover.hubs + offset - joint - np.einsum("...ij,...j->...i", turn, np.broadcast_to(offset, (*psi.shape, 3)))
-    turned = rotation_y(arm + swing)
-    T = np.zeros((*psi.shape, 4, 4))
-    T[..., :3, :3] = turned @ turn
-    T[..., :3, 3] = (
-        pivot
-        + np.einsum("...ij,...j->...i", rotation_y(arm), np.broadcast_to(joint - pivot, (*arm.shape, 3)))
-        + np.einsum("...ij,...j->...i", turned, hub)
+    T = np.empty((*q.shape, 6, 4, 4))
+    parallel_for(
+        wheel_frames_batch, q.size, rover.packed, rover.steers.copy(), flat(q), flat(b, 2), flat_steering(psi), flat(T, 6, 4, 4)
     )
-    T[..., 3, 3] = 1.0
     return T
 
 

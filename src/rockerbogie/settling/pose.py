@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from .._kernels.batch.contacts import clearance_batch, contacts_batch
 from .._kernels.jit.parallel import parallel_for
+from .._kernels.odometry.frames import contact_planes_batch
 from .._kernels.solve.forces import R_LIFTED
 from ..arrays import Array, flat, flat_steering
 from ..errors import RockerbogieError
@@ -42,24 +43,25 @@ class Contacts(NamedTuple):
     patches: NDArray[np.int64]  # (..., 6) number of separate contacts of each tread
 
 
-def planes_of(T_world_body: Array, axles: Array, normal: Array, point: Array) -> Array:
+def planes_of(rover: Rover, x: Array, y: Array, yaw: Array, q: Array, steering: Array, normal: Array, point: Array) -> Array:
     """Return contact normals in the body frame, and places of the contacts along the axles.
 
     Args:
-        T_world_body: (..., 4, 4).
-        axles: (..., 6, 4, 4) T_body_axle.
+        rover: the rover.
+        x, y, yaw: (...) m, rad.
+        q: (..., 6) z, m, and roll, pitch, rocker, bogies, rad.
+        steering: (..., 6) rad.
         normal: (..., 6, 3) contact normals in the world.
         point: (..., 6, 3) contact points in the world, m.
 
     Returns:
         (..., 6, 4): normal, and distance from the rim's middle, m.
     """
-    T = T_world_body[..., None, :3, :]
-    R, p = T[..., :3], T[..., 3]
-    planes = np.empty(axles.shape[:-2] + (4,))
-    planes[..., :3] = np.einsum("...ji,...j->...i", R, normal)
-    there = np.einsum("...ji,...j->...i", R, point - p)
-    planes[..., 3] = ((there - axles[..., :3, 3]) * axles[..., :3, 1]).sum(axis=-1)
+    planes = np.empty((*q.shape[:-1], 6, 4))
+    parallel_for(
+        contact_planes_batch, planes.size // 24, rover.packed, rover.steers.copy(), flat(x), flat(y), flat(yaw), flat(q, 6),
+        flat_steering(steering), flat(normal, 6, 3), flat(point, 6, 3), flat(planes, 6, 4),
+    )  # fmt: skip
     return planes
 
 
@@ -163,7 +165,8 @@ class Pose:
     @cached_property
     def contact_planes(self) -> Array:
         """(..., 6, 4) contact normals in the body frame, and places along the axles, m; read-only."""
-        planes = planes_of(self.T_world_body, self.axle_frames, self.contact_normal, self.contact_point)
+        at, found = (self.x, self.y, self.yaw, self.q, self.steering), self.contacts
+        planes = planes_of(self.rover, *at, found.normal, found.point)
         planes.setflags(write=False)
         return planes
 
