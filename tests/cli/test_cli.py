@@ -20,6 +20,7 @@ from matplotlib.image import imread
 import rockerbogie as rb
 from rockerbogie.cli import COMMANDS, main
 from support.helpers import assert_close
+from support.patience import PATIENCE
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 
@@ -226,7 +227,7 @@ def assert_drawn(file: Path) -> None:
 
 
 def run(*argv: str, **more: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-c", *argv], capture_output=True, text=True, timeout=60, check=False, **more)  # type: ignore[call-overload,no-any-return]
+    return subprocess.run([sys.executable, "-c", *argv], capture_output=True, text=True, timeout=PATIENCE, check=False, **more)  # type: ignore[call-overload,no-any-return]
 
 
 def test_help_and_version_load_nothing_heavy() -> None:
@@ -247,7 +248,7 @@ def test_interrupted_without_a_traceback() -> None:
         assert child.stdout is not None
         assert child.stdout.readline() == "on\n"
         child.send_signal(signal.SIGINT)
-        _, said = child.communicate(timeout=120)
+        _, said = child.communicate(timeout=PATIENCE)
     assert child.returncode == 130
     assert said.strip() == "interrupted"
 
@@ -265,7 +266,7 @@ def test_a_closed_pipe_is_no_error() -> None:
             stdout=write,
             stderr=subprocess.PIPE,
             text=True,
-            timeout=60,
+            timeout=PATIENCE,
             check=False,
         )
         os.close(write)

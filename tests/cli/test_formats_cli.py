@@ -17,6 +17,7 @@ from rockerbogie.cli import main
 from rockerbogie.rover import rotations
 from rockerbogie.rover.formats import presets
 from support import foreign
+from support.patience import PATIENCE
 
 
 def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
@@ -87,7 +88,7 @@ def test_a_pipe_closed_within_a_table_is_no_error() -> None:
     for words in (["rovers"], ["rovers", "curiosity"]):
         code = f"import sys; from rockerbogie.cli import main; sys.exit(main({words!r}))"
         done = subprocess.run(
-            [sys.executable, "-c", code], stdout=write, stderr=subprocess.PIPE, text=True, timeout=60, check=False
+            [sys.executable, "-c", code], stdout=write, stderr=subprocess.PIPE, text=True, timeout=PATIENCE, check=False
         )
         assert (done.returncode, done.stderr) == (0, ""), words
     os.close(write)

@@ -43,7 +43,7 @@ NASTY = (
     "--1",
     "1 2",
 )
-#: No file may take longer, s.
+#: No file may take more processor time, s.
 LONGEST = 5.0
 
 
@@ -295,7 +295,7 @@ def run(count: int, seed: int = 0) -> Counter[str]:
         for k in range(count):
             name = names[k % len(names)]
             text = spoil(name, files[name], rng)
-            start = time.perf_counter()
+            start = time.process_time()
             try:
                 rover, result = read(name, text)
             except rb.RoverError as error:
@@ -311,7 +311,7 @@ def run(count: int, seed: int = 0) -> Counter[str]:
                         tally["compared"] += agrees_with_mujoco(text, result)
                 except (AssertionError, KeyError) as error:
                     raise AssertionError(f"seed {seed}, file {k} ({name}): {error}\n{text[:6000]}") from error
-            taken = time.perf_counter() - start
+            taken = time.process_time() - start
             slowest = max(slowest, taken)
             assert taken < LONGEST, f"seed {seed}, file {k} ({name}) took {taken:.1f} s"
     tally["slowest_ms"] = round(1e3 * slowest)

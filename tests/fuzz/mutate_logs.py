@@ -23,7 +23,7 @@ import xarray as xr
 import rockerbogie as rb
 from support.lap import NAMES, RADIUS, ROVER, SPEED, Lap, imu_message, joint_message, quaternion, write_bag
 
-LONGEST = 20.0  # s
+LONGEST = 20.0  # s of processor time
 LAP = Lap(hz=5.0, laps=0.25)
 TOLERANCE = 0.02 * 2 * np.pi * RADIUS / 4  # m, at the end of a quarter of the lap
 CELLS = ("", "nan", "inf", "abc", "1e308", "-1", "0", "1,5", "1000", "1e-320")
@@ -236,7 +236,7 @@ def run(count: int, seed: int = 0, *, stop: bool = True) -> Counter[str]:
             file = Path(folder) / names[k % len(names)]
             file.unlink(missing_ok=True)
             KINDS[file.name](rng, file)
-            start = time.perf_counter()
+            start = time.process_time()
             fault = ""
             try:
                 outcome, off = check(file)
@@ -246,8 +246,8 @@ def run(count: int, seed: int = 0, *, stop: bool = True) -> Counter[str]:
                 fault = outcome
             if outcome == "silent":
                 fault = f"the end is off by {off:.3f} m without a remark"
-            if time.perf_counter() - start > LONGEST:
-                fault = f"took {time.perf_counter() - start:.1f} s"
+            if time.process_time() - start > LONGEST:
+                fault = f"took {time.process_time() - start:.1f} s"
             tally[outcome] += 1
             if fault:
                 text = f"seed {seed}, log {k} ({file.name}): {fault}"

@@ -21,7 +21,7 @@ import rasterio
 import rockerbogie as rb
 from support.plane_files import grid, plane, write
 
-LONGEST = 10.0  # s
+LONGEST = 10.0  # s of processor time
 
 
 def sources(folder: Path) -> list[Path]:
@@ -106,12 +106,12 @@ def run(count: int, seed: int = 0) -> Counter[str]:
             path, data = rng.choice(originals)
             target = spoilt / path.name
             target.write_bytes(mutate(data, rng))
-            start = time.perf_counter()
+            start = time.process_time()
             try:
                 outcome = check(target)
             except Exception as error:
                 raise AssertionError(f"seed {seed}, file {n} ({path.name}): {type(error).__name__}: {error}") from error
-            taken = time.perf_counter() - start
+            taken = time.process_time() - start
             assert outcome in ("read", "refused", "undefined"), f"seed {seed}, file {n} ({path.name}): {outcome}"
             assert taken < LONGEST, f"seed {seed}, file {n} ({path.name}) took {taken:.1f} s"
             tally[outcome] += 1

@@ -13,7 +13,7 @@ import pytest
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[lab]'")
 
 import rockerbogie as rb
-from support.browser import close_notes, drag, open_page, pixel_of, press, text_of, wait_for
+from support.browser import PATIENCE, close_notes, drag, open_page, pixel_of, press, text_of, wait_for
 from support.lab_page import at_rest, check_numbers
 
 ROVER = rb.load_rover("osr")
@@ -209,5 +209,5 @@ def test_visitors_do_not_disturb_each_other_and_leave_nothing(browser: Any, page
     assert session.state.mode == "contact"
     second.close()
     wait_for(lambda: len(lab.sessions) == 1, "the closed tab is forgotten")
-    other.join(10.0)
+    other.join(PATIENCE)
     assert not other._thread.is_alive()

@@ -19,6 +19,7 @@ from rockerbogie.cli import main
 from rockerbogie.lab.index_page import SCRIPT
 from rockerbogie.lab.server import free_port, limit_uploads, same_site, start_lab
 from rockerbogie.lab.uploads import MOST_BYTES
+from support.patience import PATIENCE
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +38,7 @@ def ask(lab: Any, host: str | None = None, origin: str | None = None, upgrade: b
     if upgrade:
         key = base64.b64encode(os.urandom(16)).decode()
         lines += ["Upgrade: websocket", "Connection: Upgrade", f"Sec-WebSocket-Key: {key}", "Sec-WebSocket-Version: 13"]
-    with socket.create_connection(("127.0.0.1", port), timeout=180) as connection:
+    with socket.create_connection(("127.0.0.1", port), timeout=PATIENCE) as connection:
         connection.sendall(("\r\n".join(lines) + "\r\n\r\n").encode())
         return connection.recv(200).decode(errors="replace").splitlines()[0]
 
@@ -56,7 +57,7 @@ def test_only_the_page_itself_may_connect(lab: Any) -> None:
 def test_the_page_has_the_script_in_each_encoding(lab: Any) -> None:
     for encoding in ("gzip", "identity"):
         request = urllib.request.Request(lab.url, headers={"Accept-Encoding": encoding})
-        with urllib.request.urlopen(request, timeout=180) as response:
+        with urllib.request.urlopen(request, timeout=PATIENCE) as response:
             body = response.read()
             assert response.headers["Content-Encoding"] == encoding
         text = gzip.decompress(body) if encoding == "gzip" else body

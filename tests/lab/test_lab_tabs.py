@@ -187,7 +187,7 @@ def test_every_key_does_what_the_list_of_keys_names(page: Any, session: Any) -> 
 def test_a_phone_shows_the_rover_above_a_sheet_of_full_width(browser: Any, lab: Any, page: Any) -> None:
     known = set(lab.sessions)
     phone = browser.new_context(viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True).new_page()
-    phone.set_default_timeout(180_000)
+    phone.set_default_timeout(1000 * PATIENCE)
     phone.goto(lab.url)
     phone.wait_for_selector('[data-key="roll"]', state="attached")
     session = lab.sessions[next(iter(set(lab.sessions) - known))]

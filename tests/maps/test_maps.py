@@ -21,6 +21,7 @@ import rockerbogie as rb
 from rockerbogie.maps import run, store
 from rockerbogie.maps.layers import LAYERS
 from rockerbogie.maps.limits import BITS, FORCES
+from support.patience import PATIENCE
 
 STEP, ORIGIN = 0.1, (-3_000_000.25, 4_141_909.5)
 MARS = "+proj=eqc +lat_ts=69.8768 +lon_0=0 +R=3396190"  # true to scale at ORIGIN
@@ -413,7 +414,7 @@ def test_tiles_of_a_killed_worker_are_computed_again(rover: rb.Rover, terrain: r
     killed = workers_of(process)
     assert len(killed) == 2
     os.kill(killed[0].pid, signal.SIGKILL)
-    assert process.wait(60) == 0
+    assert process.wait(PATIENCE) == 0
     assert bytes_of(kept) == bytes_of(straight)
 
 

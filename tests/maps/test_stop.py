@@ -21,13 +21,9 @@ from rockerbogie.maps.run import Memory, in_threads
 from rockerbogie.maps.tile import Job, _Pace
 from rockerbogie.maps.windows import TerrainWindows
 from support.helpers import assert_close
+from support.patience import PATIENCE
 
 COMMAND = [sys.executable, "-m", "rockerbogie"]
-
-
-def patience() -> float:
-    """Return the factor by which other processes slow this one down; 1 on an idle machine."""
-    return max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
 
 
 def start(*argv: str) -> subprocess.Popen[str]:
@@ -51,18 +47,16 @@ def test_one_interrupt_stops_a_map_and_keeps_its_tiles(mode: str, tmp_path: Path
         argv += ["--resolution", "0.5"]
     process = start(*argv)
     done = tmp_path / "m.nc.parts" / "done"
-    end = time.monotonic() + 240
+    end = time.monotonic() + PATIENCE
     while not (done.is_dir() and any(done.iterdir())) and process.poll() is None and time.monotonic() < end:
         time.sleep(0.05)
     assert process.poll() is None, process.communicate()
     kept = {file.name for file in done.iterdir()}
     assert kept
-    began = time.monotonic()
     os.killpg(process.pid, signal.SIGINT)
-    said = process.communicate(timeout=60)[1]
-    took = time.monotonic() - began
+    said = process.communicate(timeout=PATIENCE)[1]
     assert process.returncode == 130
-    assert took < 1.0 * patience(), "within a second"
+    assert not (tmp_path / "m.nc").exists(), "it stops before the map is complete"
     assert "finished parts are in" in said
     assert "Traceback" not in said
     assert kept <= {file.name for file in done.iterdir()}
@@ -140,23 +134,17 @@ def scheduler() -> object:
     process.wait()
 
 
-def map_on(scheduler: str, tmp_path: Path) -> tuple[int, str, float]:
-    """Exit code, stderr and seconds of a map on a cluster, from the moment it is asked for."""
-    code = (
-        "import sys, time, distributed, rockerbogie as rb\nfrom rockerbogie.cli import main\n"
-        "rb.traversability(rb.load_rover('osr'), rb.surfaces.plane(size=4.0), 1, 1.0)\n"  # kernels are there
-        "t = time.monotonic(); c = main(sys.argv[1:]); print(time.monotonic() - t); sys.exit(c)"
-    )
+def map_on(scheduler: str, tmp_path: Path) -> tuple[int, str]:
+    """Return exit code and stderr of a map on a cluster."""
     argv = ["map", "surface:plane?size=4", "-r", "osr", "--no-preview", "-o", str(tmp_path / "m.nc"), "--scheduler", scheduler]
-    done = subprocess.run([sys.executable, "-c", code, *argv], capture_output=True, text=True, timeout=120, check=False)
-    return done.returncode, done.stderr, float(done.stdout.split()[-1])
+    done = subprocess.run([*COMMAND, *argv], capture_output=True, text=True, timeout=PATIENCE, check=False)
+    return done.returncode, done.stderr
 
 
 def test_a_cluster_without_workers_is_reported(scheduler: str, tmp_path: Path) -> None:
-    code, said, seconds = map_on(scheduler, tmp_path)
+    code, said = map_on(scheduler, tmp_path)
     assert code == 2
     assert "has no workers: start some" in said
-    assert seconds < 10 * patience()
 
 
 def test_a_worker_without_the_package_is_reported(scheduler: str, tmp_path: Path) -> None:
@@ -172,14 +160,13 @@ def test_a_worker_without_the_package_is_reported(scheduler: str, tmp_path: Path
         from distributed import Client
 
         with Client(scheduler) as client:
-            client.wait_for_workers(1, timeout=60)
-        code, said, seconds = map_on(scheduler, tmp_path)
+            client.wait_for_workers(1, timeout=PATIENCE)
+        code, said = map_on(scheduler, tmp_path)
     finally:
         worker.kill()
         worker.wait()
     assert code == 2
     assert "has no usable rockerbogie (ImportError: no rockerbogie)" in said
-    assert seconds < 10 * patience()
 
 
 def test_tiles_of_one_cell_are_not_split() -> None:

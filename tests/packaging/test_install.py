@@ -21,6 +21,7 @@ import pytest
 import rockerbogie as rb
 from rockerbogie._kernels.jit.cache import cache_folders
 from support import probe
+from support.patience import PATIENCE
 
 ROOT = Path(__file__).resolve().parents[2]
 PLACE = (1.0, 2.0, 0.3)
@@ -47,11 +48,11 @@ NEEDED = {
     "ros2": ("ros --rover osr", "ros"),
 }
 #: Wait for a message of the node: the first state of the rover.
-WATCH = """
+WATCH = f"""
 import rclpy, sys, time
 from diagnostic_msgs.msg import DiagnosticArray
 rclpy.init()
-node, found, end = rclpy.create_node("watcher"), [], time.monotonic() + 60
+node, found, end = rclpy.create_node("watcher"), [], time.monotonic() + {PATIENCE:g}
 node.create_subscription(DiagnosticArray, "rover/state", found.append, 10)
 while not found and time.monotonic() < end:
     rclpy.spin_once(node, timeout_sec=0.1)
@@ -70,7 +71,7 @@ def run(*command: str | Path, check: bool = True, **environment: str) -> subproc
         text=True,
         env=clean | environment,
         stdin=subprocess.DEVNULL,
-        timeout=300,
+        timeout=PATIENCE,
     )
     assert done.returncode == 0 or not check, f"{command}: {done.stdout[-2000:]}{done.stderr[-2000:]}"
     return done
@@ -94,7 +95,7 @@ def build(python: Path, kind: str, folder: Path) -> Path:
     requires = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["build-system"]["requires"]
     run(python, "-m", "pip", "install", "-q", *requires)
     target = folder / "dist"
-    subprocess.run([python, "-m", "hatchling", "build", "-t", kind, "-d", target], cwd=ROOT, check=True, timeout=120)
+    subprocess.run([python, "-m", "hatchling", "build", "-t", kind, "-d", target], cwd=ROOT, check=True, timeout=PATIENCE)
     (file,) = target.iterdir()
     return file
 
@@ -104,7 +105,7 @@ def run_node(python: Path, work: Path, cache: str) -> None:
     clean = {k: v for k, v in os.environ.items() if k not in ("_ROS_WHEELS_BOOTSTRAP_COMPLETE", "LD_LIBRARY_PATH", "PYTHONPATH")}
     ros = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_DOMAIN_ID": "91", "NUMBA_CACHE_DIR": cache}
     environment = clean | ros
-    options = {"cwd": work, "env": environment, "capture_output": True, "text": True, "timeout": 120}
+    options = {"cwd": work, "env": environment, "capture_output": True, "text": True, "timeout": PATIENCE + 60}
     command = python.with_name("rockerbogie")
     told = subprocess.run([command, "ros", "--help"], check=False, **options)
     assert told.returncode == 0, told.stderr
@@ -116,7 +117,7 @@ def run_node(python: Path, work: Path, cache: str) -> None:
         watch = [python, "-c", WATCH]
         seen = subprocess.run(watch, check=False, **options)
         node.send_signal(signal.SIGINT)
-        said, _ = node.communicate(timeout=30)
+        said, _ = node.communicate(timeout=PATIENCE)
     finally:
         node.kill()
     assert "rockerbogie: sensors, rockerbogie: pose" in seen.stdout, seen.stdout + seen.stderr + said
@@ -148,7 +149,7 @@ def test_installed_package_settles_and_names_missing_extras(kind: str, tmp_path:
 
     def cli(line: str) -> subprocess.CompletedProcess[str]:
         command, environment = [python.with_name("rockerbogie"), *line.split()], os.environ | {"NUMBA_CACHE_DIR": cache}
-        return subprocess.run(command, check=False, cwd=work, capture_output=True, text=True, timeout=60, env=environment)
+        return subprocess.run(command, check=False, cwd=work, capture_output=True, text=True, timeout=PATIENCE, env=environment)
 
     told = cli("--help")
     assert told.returncode == 0

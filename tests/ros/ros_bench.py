@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 
+from support.patience import PATIENCE
+
 MISSING = [
     m
     for m in ("rclpy", "sensor_msgs", "nav_msgs", "geometry_msgs", "std_msgs", "diagnostic_msgs")
@@ -17,10 +19,6 @@ MISSING = [
 needs_ros = pytest.mark.skipif(
     bool(MISSING), reason=f"ROS 2 is not installed ({', '.join(MISSING)}): pip install 'rockerbogie[ros2]'"
 )
-
-
-#: Time within which something must happen, s. The first messages may wait until kernels are compiled, beside other tests.
-PATIENCE = 300.0
 
 
 def use_own_domain() -> None:

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from .patience import PATIENCE
+
 CHROMIUM = "/usr/bin/chromium"
 FLAGS = [
     "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync", "--enable-unsafe-swiftshader",
     "--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1 , EXCLUDE localhost",
 ]  # fmt: skip
-#: Time within which something appears in the page, s. The browser draws on the processor, beside other tests.
-PATIENCE = 180.0
 
 
 @contextmanager

@@ -20,6 +20,7 @@ from rockerbogie.cli import main
 from rockerbogie.terrain.georeference import unit_length
 from rockerbogie.terrain.raster import read_raster
 from support.helpers import assert_close
+from support.patience import PATIENCE
 from support.plane_files import CENTRE, GX, SHAPE, YAW, Z0, assert_plane, attitude, grid, plane, read, write
 
 rasterio = pytest.importorskip("rasterio", reason="needs the geo extra")
@@ -195,7 +196,7 @@ def run_advice(said: str, path: Path) -> Path:
     made = path.with_name(words[-1])
     assert words[-2] == path.name
     if tool := shutil.which("gdalwarp"):
-        subprocess.run([tool, "-q", "-overwrite", *words[1:]], cwd=path.parent, check=True, timeout=60)
+        subprocess.run([tool, "-q", "-overwrite", *words[1:]], cwd=path.parent, check=True, timeout=PATIENCE)
         return made
     assert words[1:8] == ["-r", "cubic", "-et", "0", "-ot", "Float32", "-dstnodata"]
     with rasterio.open(path) as source:

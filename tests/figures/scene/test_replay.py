@@ -26,6 +26,7 @@ from rockerbogie.figures.scene.replay import page, quaternions
 from rockerbogie.figures.scene.rover_mesh import LINKS
 from rockerbogie.figures.scene.subject import records_of
 from rockerbogie.rover.rotations import euler_angles
+from support.browser import wait_for
 from support.helpers import assert_close
 
 CHROMIUM = shutil.which("chromium")
@@ -343,11 +344,7 @@ def wait_until(tab: Any, condition: str) -> None:
 
     The policy of the page forbids the code that playwright's own waiting runs in it.
     """
-    for _ in range(300):
-        if tab.evaluate(condition):
-            return
-        tab.wait_for_timeout(100)
-    raise AssertionError(f"{condition} does not become true")
+    wait_for(lambda: tab.evaluate(condition), condition)
 
 
 def colours_in(tab: Any) -> np.ndarray[Any, Any]:
@@ -356,7 +353,7 @@ def colours_in(tab: Any) -> np.ndarray[Any, Any]:
 
     from PIL import Image
 
-    tab.wait_for_timeout(150)
+    tab.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")  # drawn with all changes
     shot = tab.locator("#scene").screenshot()
     return np.asarray(Image.open(io.BytesIO(shot)).convert("RGB")).astype(float)
 
