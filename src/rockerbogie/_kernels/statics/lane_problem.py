@@ -228,6 +228,8 @@ def _power(lanes: Array, l: int, at: int, gx: float, gy: float, gz: float) -> fl
 def start(t: Block, l: int, mu: float, bound: float) -> None:
     """Start the way to the central point: normal forces alone, and velocities along the normals.
 
+    With BOUND, these velocities are those of a motion.
+
     Args:
         t: work arrays.
         l: lane.
@@ -239,7 +241,7 @@ def start(t: Block, l: int, mu: float, bound: float) -> None:
         normal = lanes[(WHEEL.normal + r) * LANES + l]
         lanes[(STATE.force + r) * LANES + l], lanes[(STATE.speed + r) * LANES + l] = NORMAL_FORCE * normal, normal
     for k in range(EQUATIONS):
-        lanes[(STATE.v + k) * LANES + l] = 0.0
+        lanes[(STATE.v + k) * LANES + l] = 1.0 if k == BOUND else 0.0
     for j in range(3):
         lanes[(STATE.y + j) * LANES + l], lanes[(STATE.w + j) * LANES + l] = NORMAL_FORCE, 1.0
     slack = max(bound - 1.0, 1.0)

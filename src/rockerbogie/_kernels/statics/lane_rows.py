@@ -105,8 +105,12 @@ class RayRows(NamedTuple):
     gap: int = 1  # tangent at the half-plane less that of the forces found
     news: int = 1  # 1 if the bounds are worth a look
     start: int = 1  # tangent before the step
-    left: int = 1  # forces hold up to this far to the left of the ray there; 0 if they do not balance
-    right: int = 1  # the same to its right
+    sx: int = 1  # unit normal of the half-plane before the step
+    sy: int = 1
+    left: int = 1  # forces hold up to this far along the half-plane, to the left of its normal; 0 if they do not balance
+    right: int = 1  # the same to the right
+    store: int = 1  # CENTRAL or KEPT: where to store the state; NOT: nowhere
+    load: int = 1  # CENTRAL or KEPT: the state from which a new ray starts; NOT: the ray goes on
 
 
 class StateRows(NamedTuple):
@@ -139,6 +143,8 @@ WHEEL, LOADED = place_rows(WheelRows, _end)
 PROBLEM, _end = place_rows(ProblemRows, LOADED)
 STATE, STATE_END = place_rows(StateRows, _end)
 RESULT, _end = place_rows(ResultRows, STATE_END)
-RAY, ROWS = place_rows(RayRows, _end)
+RAY, _end = place_rows(RayRows, _end)
+CENTRAL_STATE, _end = place_rows(StateRows, _end)  # central point, from which rays start
+KEPT_STATE, ROWS = place_rows(StateRows, _end)  # end of the first ray that has met the nearest half-plane
 POSE, POSE_ROWS = place_rows(PoseRows, LOADED)
 LAW, LAW_ROWS = place_rows(LawRows, POSE_ROWS)

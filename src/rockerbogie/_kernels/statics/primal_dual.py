@@ -5,8 +5,8 @@ the least (`least_friction` has the conditions), or the tangent θ of gravity's 
 
     greatest θ   such that   Σ F + Σ y = b - θ e,   |F_t| ≤ μ F_n,   y ≥ 0
 
-A step is Mehrotra's predictor and corrector with Nesterov-Todd scaling; the forces need not balance at the start, nor the
-velocities be those of a motion.
+A step is Mehrotra's predictor and corrector with Nesterov-Todd scaling. The forces need not balance at the start. The velocities
+of contacts need not be those of a motion at the start for the least μ; for the greatest θ they must be.
 """
 
 from __future__ import annotations
@@ -86,7 +86,8 @@ def step(rows: Any, friction: bool, contacts: int) -> None:
     limits = [Limit(rows, j, v) for j in range(3 if friction else 4)]
     for s in wheels:
         f, u = read(rows, STATE.force, s.i), read(rows, STATE.speed, s.i)
-        s.residual = (s.velocity(v) - u) * s.on
+        if friction:
+            s.residual = (s.velocity(v) - u) * s.on
         n = s.n.dot(f)
         s.x = Cone(n, (f - s.n * n) * over_mu)
         n = s.n.dot(u)
@@ -113,31 +114,31 @@ def step(rows: Any, friction: bool, contacts: int) -> None:
         gap = gap + mu * price
     tau = gap / rows[PROBLEM.cones]
     over = factor(matrix, size)
-    v_e, v_b = solve(matrix, over, e), solve(matrix, over, b)
+    v_e = solve(matrix, over, e)
     bowed = bowed + dots(e, v_e)
-    if friction:
-        bowed = bowed + price * over_mu
-        for k, part in enumerate(v_b):
-            rows[RESULT.proof + k] = part
-    if not friction:
-        find_sides(rows, wheels, limits, matrix, over, short)
     lag = [zero] * size  # generalized force of the residuals of velocities
-    for s in wheels:
-        s.lag = s.hessian(s.cone(s.residual, mu))
-        for k, part in s.generalized(s.world(s.lag, mu)):
-            lag[k] = lag[k] + part
+    if friction:
+        for s in wheels:
+            s.lag = s.hessian(s.cone(s.residual, mu))
+            for k, part in s.generalized(s.world(s.lag, mu)):
+                lag[k] = lag[k] + part
     for q in limits:
         lag[q.row] = lag[q.row] + q.on * q.sign * q.y * q.over_w * q.residual
-    v_lag = solve(matrix, over, lag)
-    held, v_held = b, v_b  # generalized force of the present forces and `short` together
-    if not friction:
+    if friction:
+        bowed = bowed + price * over_mu
+        held, v_b = b, solve(matrix, over, b)  # `held`: generalized force of the present forces and `short` together
+        for k, part in enumerate(v_b):
+            rows[RESULT.proof + k] = part
+        v_held = [x + y for x, y in zip(v_b, solve(matrix, over, lag), strict=True)]
+    else:
+        find_sides(rows, wheels, limits, matrix, over, short)
         held = [x - theta * y for x, y in zip(b, e, strict=True)]
-        v_held = [x - theta * y for x, y in zip(v_b, v_e, strict=True)]
+        v_held = solve(matrix, over, [x + y for x, y in zip(held, lag, strict=True)])
     sigma, alpha, rest, d_theta, d_price = zero, zero, zero + 1.0, zero, zero
     dv = v
     for phase in range(2):
         if phase == 0:
-            v_p = [-x - y for x, y in zip(v_held, v_lag, strict=True)]
+            v_p = [-x for x in v_held]
         else:
             v_p = [(1.0 - rest) * x - rest * y - z for x, y, z in zip(short, lag, held, strict=True)]
         if friction:
@@ -169,7 +170,9 @@ def step(rows: Any, friction: bool, contacts: int) -> None:
             d_price = free * (back - price * over_mu * d_theta)
             rate = larger(rate, larger(-over_mu * d_theta, -d_price / price))
         for s in wheels:
-            s.du = s.velocity(dv) * s.on + s.residual * rest
+            s.du = s.velocity(dv) * s.on
+            if friction:
+                s.du = s.du + s.residual * rest
             s.dz = s.cone(s.du, mu)
             if friction:
                 s.dz = Cone(s.dz.n, s.dz.t + s.slide * (s.on * d_theta))
@@ -226,7 +229,7 @@ def gravity_force(rows: Any, x: Any, y: Any) -> list[Any]:
 def find_sides(
     rows: Any, wheels: list[Wheel], limits: list[Limit], matrix: list[list[Any]], over: list[Any], short: list[Any]
 ) -> None:
-    """Compute how far gravity can turn across a ray before forces leave their cones.
+    """Compute how far forces hold while gravity turns along the last half-plane.
 
     Forces change by the least amount in the metric of the scaling. Close to the boundary of the region that forces hold, they
     move along it.
@@ -237,10 +240,12 @@ def find_sides(
         matrix, over: factor of the step's matrix.
         short: residual of the balance.
 
-    Writes: RAY.start, RAY.left, RAY.right
+    Writes: RAY.start, RAY.sx, RAY.sy, RAY.left, RAY.right
     """
     one = rows[STATE.mu] * 0.0 + 1.0
-    v = solve(matrix, over, gravity_force(rows, -rows[RAY.y], rows[RAY.x]))
+    flat = rows[RAY.size] > 0.0
+    sx, sy = where(flat, rows[RAY.px] / rows[RAY.size], 0.0), where(flat, rows[RAY.py] / rows[RAY.size], 0.0)
+    v = solve(matrix, over, gravity_force(rows, -sy, sx))
     left = right = one * (1.0 / FAR)
     for s in wheels:
         most, along = s.scaled.leaving(s.scale(s.cone(s.velocity(v) * s.on, rows[STATE.mu])), s.over_both)
@@ -252,7 +257,7 @@ def find_sides(
     for x in short:
         worst = larger(worst, larger(x, -x))
     good = worst < BALANCED
-    rows[RAY.start] = rows[STATE.theta]
+    rows[RAY.start], rows[RAY.sx], rows[RAY.sy] = rows[STATE.theta], sx, sy
     rows[RAY.left], rows[RAY.right] = where(good, BACK / left, 0.0), where(good, BACK / right, 0.0)
 
 
