@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 
 import rockerbogie as rb
 from rockerbogie.rover.differential import FIT_ERROR, DifferentialBar
+from rockerbogie.rover.rotations import rotation_y, rotation_z
 from support.helpers import assert_close
 
 Array = NDArray[np.float64]
@@ -37,15 +38,15 @@ def by_bisection(bar: DifferentialBar, pivot: Array, left: float) -> float:
         return about + R @ (point - about)
 
     def slack_left(turn: float) -> float:
-        ends = turned(end, centre, rb.rover.frames.rotation_z(turn)), turned(horn, pivot, rb.rover.frames.rotation_y(left))
+        ends = turned(end, centre, rotation_z(turn)), turned(horn, pivot, rotation_y(left))
         return float(np.linalg.norm(ends[0] - ends[1]) - length)
 
     turn = brentq(slack_left, -0.5, 0.5, xtol=1e-15)
 
     def slack_right(right: float) -> float:
         ends = (
-            turned(end * mirror, centre, rb.rover.frames.rotation_z(turn)),
-            turned(horn * mirror, pivot * mirror, rb.rover.frames.rotation_y(right)),
+            turned(end * mirror, centre, rotation_z(turn)),
+            turned(horn * mirror, pivot * mirror, rotation_y(right)),
         )
         return float(np.linalg.norm(ends[0] - ends[1]) - length)
 
