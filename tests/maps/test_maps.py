@@ -347,7 +347,7 @@ SCRIPT = """
 import sys
 from pathlib import Path
 import rockerbogie as rb
-sys.path.insert(0, sys.argv[1])
+sys.path[:0] = [sys.argv[1], str(Path(sys.argv[1]).parent)]
 from test_maps import HEADINGS, ORIGIN, STEP, heights
 
 if __name__ == "__main__":

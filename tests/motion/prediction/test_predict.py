@@ -191,7 +191,7 @@ def test_records_are_a_subset_of_all_steps(rover: rb.Rover) -> None:
         ({"commands": "straight"}, "give a Path"),
         ({"commands": []}, "give a Path"),
         ({"torque": -3.0}, "torque is -3.0"),
-        ({"gravity": 0.0}, "gravity is 0.0"),
+        ({"gravity": 0.0}, "gravity is 0 m/s²; give 0.001 to 100"),
         ({"speed": 0.0}, "speed is 0.0"),
         ({"speed": 40.0}, "mm/s"),
         ({"step": -1.0}, "step is -1.0"),
