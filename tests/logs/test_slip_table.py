@@ -144,6 +144,11 @@ def test_a_table_is_written_with_units_and_replaces_no_other_file(rover: rb.Rove
     with pytest.raises(rb.RockerbogieError, match="exists"):
         rb.write_slip_table(table, tmp_path / "mine.csv")
     assert (tmp_path / "mine.csv").read_text() == "a,b\n1,2\n"
+    with pytest.raises(rb.RockerbogieError, match="cannot write"):
+        rb.write_slip_table(table, tmp_path / "no folder" / "slip.csv")
+    with pytest.raises(rb.RockerbogieError, match="table is dict, not a slip table"):
+        rb.write_slip_table({"slip": 1.0}, tmp_path / "wrong.csv")  # type: ignore[arg-type]
+    assert not (tmp_path / "wrong.csv").exists()
 
 
 @pytest.mark.parametrize(

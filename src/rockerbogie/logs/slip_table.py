@@ -141,15 +141,23 @@ def write_slip_table(table: xr.Dataset, file: str | Path, *, force: bool = False
         The file.
 
     Raises:
-        RockerbogieError: the file exists and is no slip table, or cannot be written.
+        RockerbogieError: not a slip table; the file exists and is no slip table, or cannot be written.
     """
+    import xarray as xr
+
+    if not (isinstance(table, xr.Dataset) and {"slip", "drift", "outside", "status", "probability"} <= {*table.variables}):
+        raise RockerbogieError(f"table is {type(table).__name__}, not a slip table: make one with rockerbogie.slip_table")
     path = Path(file)
     check_outputs([path], force=force)
     names = [f"slip {100 * q:g} % [1]" for q in table["probability"].to_numpy()]
-    with open(path, "w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(["soil", "slope [deg]", "heading [deg]", *names, "drift [deg]", "extrapolated", "status"])
-        writer.writerows(table_rows(table))
+    rows = table_rows(table)
+    try:
+        with open(path, "w", newline="", encoding="utf-8") as stream:
+            writer = csv.writer(stream, lineterminator="\n")
+            writer.writerow(["soil", "slope [deg]", "heading [deg]", *names, "drift [deg]", "extrapolated", "status"])
+            writer.writerows(rows)
+    except OSError as error:
+        raise RockerbogieError(f"cannot write {str(file)!r}: {error.strerror}") from None
     return path
 
 
