@@ -14,6 +14,7 @@ import rockerbogie as rb
 from rockerbogie.rover.formats import build_rover, presets, read_trees, schema, to_sdf, to_toml, to_urdf
 from rockerbogie.rover.formats.toml_read import read_toml
 from support.helpers import assert_close, random_rover
+from support.mjcf import load_mjcf
 
 NAMES = sorted(presets())
 WRITERS: dict[str, Callable[[rb.Rover], str]] = {
@@ -179,7 +180,7 @@ def test_the_differential_holds_in_mujoco(name: str) -> None:
         cx, cy, r = *rng.uniform(-1.3, 1.3, 2), rng.uniform(0.05, 0.2)
         z = np.maximum(z, np.sqrt(np.maximum(r**2 - (xx - cx) ** 2 - (yy - cy) ** 2, 0)) * 0.6)
     ground = rb.Terrain.from_array(z * size, spacing=3.0 * size / 80, origin=(-1.5 * size, -1.5 * size), interpolation="linear")
-    model = mujoco.MjModel.from_xml_string(rb.to_mjcf(rover, ground, cell=3.0 * size / 80))
+    model = load_mjcf(rb.to_mjcf(rover, ground, cell=3.0 * size / 80))
     data = mujoco.MjData(model)
     data.joint("free").qpos[:3] = (0.0, 0.0, 0.35 * size - float((rover.hubs[:, 2] - rover.wheel_radius).min()))
     worst = moved = 0.0

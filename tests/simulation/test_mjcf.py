@@ -10,6 +10,7 @@ from scipy.ndimage import gaussian_filter
 import rockerbogie as rb
 from rockerbogie.simulation.height_field import TRIANGLE_ERROR, default_cell, sample_terrain
 from rockerbogie.simulation.mjcf import build_spec
+from support.mjcf import load_mjcf
 from support.rigid_drop import DropTower, Rest
 
 PRESETS = ["elhami-dashti", "perseverance", "curiosity", "rocky7", "osr", "sawppy"]
@@ -109,7 +110,7 @@ def test_the_height_field_is_the_terrain(interpolation: str) -> None:
     """Rays meet the triangles within their error of the terrain; nodes lie on its nodes."""
     rover, terrain = rb.load_rover("elhami-dashti"), hills(3.0, 0.1, 0.1, interpolation)
     region = (-0.77, -0.9, 1.03, 0.81)
-    model = mujoco.MjModel.from_xml_string(rb.to_mjcf(rover, terrain, region=region))
+    model = load_mjcf(rb.to_mjcf(rover, terrain, region=region))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     x, y = rng.uniform(-0.7, 0.8, (2, 300))
@@ -125,7 +126,7 @@ def test_the_height_field_is_the_terrain(interpolation: str) -> None:
 def test_an_exported_rover_comes_to_rest_at_the_middle_of_its_terrain() -> None:
     """The text as written, after 3 s: z as `settle` within 1 mm."""
     rover, terrain = rb.load_rover("elhami-dashti"), hills(3.0, 0.1, 0.03)
-    model = mujoco.MjModel.from_xml_string(rb.to_mjcf(rover, terrain, region=(-1.0, -1.2, 1.4, 1.2)))
+    model = load_mjcf(rb.to_mjcf(rover, terrain, region=(-1.0, -1.2, 1.4, 1.2)))
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, nstep=600)
     x, y, z = data.body("body").xpos

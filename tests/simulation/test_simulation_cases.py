@@ -14,6 +14,7 @@ import rockerbogie as rb
 from rockerbogie.simulation.mjcf import build_spec
 from rockerbogie.simulation.motors import GRAVITY, ROTOR_SHARE, TORQUE_SHARE, torque_limits
 from rockerbogie.simulation.rigid_body import Rig
+from support.mjcf import load_mjcf
 
 PRESETS = ["elhami-dashti", "perseverance", "curiosity", "rocky7", "osr", "sawppy"]
 PATH = rb.Path.straight((0, 0), 0.0, 1.0)
@@ -208,7 +209,7 @@ def test_half_the_time_step_gives_the_same_drive(monkeypatch: pytest.MonkeyPatch
 def test_the_differential_holds_on_rocks(name: str) -> None:
     """The exported model, dropped on rocks, for 3 s: |left + right| <= 1e-3 rad."""
     rover, terrain = rb.load_rover(name), rb.surfaces.rocks(seed=4, size=12.0)
-    model = mujoco.MjModel.from_xml_string(rb.to_mjcf(rover, terrain, region=(-3, -3, 3, 3)))
+    model = load_mjcf(rb.to_mjcf(rover, terrain, region=(-3, -3, 3, 3)))
     data = mujoco.MjData(model)
     worst = turned = 0.0
     for _ in range(600):
@@ -223,7 +224,7 @@ def test_the_differential_holds_on_rocks(name: str) -> None:
 def test_an_export_starts_clear_of_the_terrain_and_settled_by_its_keyframe(name: str, surface: str) -> None:
     rover, terrain = rb.load_rover(name), rb.surfaces.mars() if surface == "mars" else rb.surfaces.rough(2, size=8.0)
     region = (-4.0, -4.0, 4.0, 4.0)
-    model = mujoco.MjModel.from_xml_string(rb.to_mjcf(rover, terrain, region=region))
+    model = load_mjcf(rb.to_mjcf(rover, terrain, region=region))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     assert data.ncon == 0 or data.contact.dist.min() > -1e-3
