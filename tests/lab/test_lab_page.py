@@ -180,10 +180,11 @@ def test_a_frame_does_not_undo_what_the_visitor_chose(page: Any, session: Any) -
     ):
         if control is fields.x:
             page.get_by_role("tab", name="Pose").click()
-        busy = threading.Event()
+        began, busy = threading.Event(), threading.Event()
         before = control.value
-        session.later(busy.wait)  # a long frame
+        session.later(lambda began=began, busy=busy: (began.set(), busy.wait()))  # a long frame
         try:
+            assert began.wait(PATIENCE), "the session takes no job"  # else it may take the choice together with this one
             choose_value()
             wait_for(lambda key=key: key in session._jobs, "the visitor's choice")
             control.value = before  # as the frame writes it, which began earlier
