@@ -12,7 +12,7 @@ from scipy.optimize import lsq_linear
 
 import rockerbogie as rb
 from rockerbogie._kernels.model import ground, tolerances, wheel
-from rockerbogie._kernels.search import bilinear_rim, cubic_derivatives, cubic_parts, cubic_rim, cubic_tread
+from rockerbogie._kernels.search import bilinear_rim, cubic_derivatives, cubic_parts, cubic_patch, cubic_rim, cubic_tread
 from rockerbogie._kernels.search.minima import Minima
 
 Array = NDArray[np.float64]
@@ -210,11 +210,12 @@ def test_parts_of_a_cell_are_bounded_and_decided(seed: int) -> None:
         heights = np.array([[height_of_half(c, meta, w, side, a, b) for a in xs] for b in ys])
         if np.isnan(heights).all():
             continue
-        low, _, _ = cubic_tread.bound_part(c, meta, w, side, 0, 0, x, y, rx, ry)
+        sine = rng.uniform(-1.0, 1.0)
+        low, _, _ = cubic_tread.bound_part(c, meta, w, side, 0, 0, x, y, rx, ry, sine, -math.inf)
         least = np.nanmin(heights)
         assert low <= least + 1e-12
         limit = least + rng.choice([-0.01, 0.01, 1.0]) * radius
-        verdict = cubic_tread._decide(c, meta, w, side, 0, 0, x, y, rx, ry, limit)
+        verdict = cubic_tread._decide(c, meta, w, side, 0, 0, x, y, rx, ry, sine, limit)
         decided[verdict] += 1
         if verdict == cubic_tread.CLOSED and least < limit:
             j, i = np.unravel_index(np.nanargmin(heights), heights.shape)
@@ -227,6 +228,30 @@ def test_parts_of_a_cell_are_bounded_and_decided(seed: int) -> None:
             diagonal = heights[2:, 2:] - 2.0 * heights[1:-1, 1:-1] + heights[:-2, :-2]
             assert not (diagonal < -1e-9).any()
     assert sum(decided) > 0
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("seed", range(20))
+def test_a_valley_over_a_plane_is_bounded_exactly(seed: int) -> None:
+    """Over curved patches the bound is a lower bound; over a plane it is the minimum."""
+    rng = np.random.default_rng(seed)
+    bowl, (a, b), (gx, gy) = (
+        rng.uniform(0.1, 3.0),
+        rng.normal(size=2) * rng.choice([1.0, 0.0], 2, p=[0.8, 0.2]),
+        rng.normal(size=2),
+    )
+    at = np.linspace(-1.0, 1.0, 401)
+    x, y = np.meshgrid(at, at)
+    valley, nodes = bowl * (a * x + b * y) ** 2, np.linspace(-1.0, 1.0, 4)
+    patch = np.zeros(cubic_patch.BOUNDS_SIZE)
+    patch[:16] = (0.3 + gx * nodes + gy * nodes[:, None]).ravel()
+    least = (0.3 + gx * x + gy * y + valley).min()
+    low = cubic_patch.lowest_over_valley(patch, bowl, a, b)
+    assert least - 1e-4 * bowl <= low <= least + 1e-12
+    patch[:16] += 0.1 * rng.normal(size=16)
+    weights = np.array([math.comb(3, k) * ((1 + at) / 2) ** k * ((1 - at) / 2) ** (3 - k) for k in range(4)])
+    heights = np.einsum("my,nx,mn->yx", weights, weights, patch[:16].reshape(4, 4)) + valley
+    assert cubic_patch.lowest_over_valley(patch, bowl, a, b) <= heights.min() + 1e-12
 
 
 @pytest.mark.nojit

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..jit.decorators import njit
 from ..model.tolerances import CELL_MARGIN, GAP_TIE
-from ..model.wheel import AZ, COS, GAP, HALF, HZ, RADIUS, VX, VY
+from ..model.wheel import AZ, COS, GAP, HALF, HZ, RADIUS, SIN, VX, VY
 from .cubic_rim import search_arc
 from .cubic_tread import bound_part, search_inside
 from .minima import Minima
@@ -38,18 +38,19 @@ def search_curved_cell(grid: Array, meta: Array, w: Array, i: int, j: int, part:
     lowest, keep, _ = found
     x0, x1, y0, y1 = part
     ends = ends_of(w)
-    low, _, _ = bound_part(grid, meta, w, 1.0, i, j, 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (x1 - x0), 0.5 * (y1 - y0))
+    x, y, rx, ry, limit = 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (x1 - x0), 0.5 * (y1 - y0), max(lowest[GAP] - GAP_TIE, keep)
+    low, _, _ = bound_part(grid, meta, w, 1.0, i, j, x, y, rx, ry, lowest[SIN], limit)
     if math.isnan(low):
         return -1
-    if low >= max(lowest[GAP] - GAP_TIE, keep):
+    if low >= limit:
         return count
     half = w[HALF]
     if half > 0.0:
         count = search_inside(grid, meta, w, i, j, 1.0, part, found, count)
         if not _upper_is_clear(grid, meta, w, -half if w[AZ] > 0.0 else half, i, j, max(lowest[GAP] - GAP_TIE, keep)):
             count = search_inside(grid, meta, w, i, j, -1.0, part, found, count)
-    across = 0.5 * (x0 + x1) * w[VX] + 0.5 * (y0 + y1) * w[VY]
-    near = 0.5 * ((x1 - x0) * abs(w[VX]) + (y1 - y0) * abs(w[VY])) + w[RADIUS] * abs(w[AZ]) + CELL_MARGIN * (x1 - x0 + y1 - y0)
+    across = x * w[VX] + y * w[VY]
+    near = rx * abs(w[VX]) + ry * abs(w[VY]) + w[RADIUS] * abs(w[AZ]) + CELL_MARGIN * (x1 - x0 + y1 - y0)
     for side in range(2 if half > 0.0 else 1):
         s = half if side == 0 else -half
         if abs(s * w[COS] - across) > near:

@@ -87,26 +87,32 @@ def bound_patch(
 
 
 @njit
-def lowest_over_bowl(patch: Array, xx: float, xy: float, yy: float) -> float:
-    """Return the lowest ordinate of a patch plus xx x² + xy x y + yy y².
+def lowest_over_valley(patch: Array, bowl: float, a: float, b: float) -> float:
+    """Return a lower bound of the height of a patch plus a parabolic valley, m.
 
-    The rectangle is |x| <= 1, |y| <= 1.
+    The mean slope of the patch is split off. What is left of the patch is bounded by its ordinates. The plane of that slope
+    and the valley together are convex, and curved along one direction only: their minimum is on a side of the rectangle.
 
     Args:
         patch: (BOUNDS_SIZE,) ordinates, m.
-        xx, xy, yy: m.
+        bowl: 1/m, positive; the valley is bowl (a x + b y)² on the rectangle |x| <= 1, |y| <= 1.
+        a, b: m.
     """
-    low = math.inf
+    gx, gy = 0.25 * (patch[3] - patch[0] + patch[15] - patch[12]), 0.25 * (patch[12] - patch[0] + patch[15] - patch[3])
+    third = gx / 3.0
+    rest = low = math.inf
     for m in range(4):
-        y = (2 * m - 3) / 3.0
-        square = yy if m == 0 or m == 3 else -yy / 3.0
-        k, twist = 4 * m, xy * y
-        a, b = (
-            min(patch[k] - twist, patch[k + 3] + twist) + xx,
-            min(patch[k + 1] - twist / 3.0, patch[k + 2] + twist / 3.0) - xx / 3.0,
-        )
-        low = min(low, min(a, b) + square)
-    return low
+        k = 4 * m
+        ends, inner = min(patch[k] + gx, patch[k + 3] - gx), min(patch[k + 1] + third, patch[k + 2] - third)
+        rest = min(rest, min(ends, inner) - gy * ((2 * m - 3) / 3.0))
+    for side in range(4):
+        along, across, slope, off = (a, b, gx, gy) if side < 2 else (b, a, gy, gx)
+        end = 1.0 if side % 2 == 0 else -1.0
+        t = -(0.5 * slope + bowl * along * across * end) / max(bowl * along * along, 1e-300)
+        t = min(max(t, -1.0), 1.0)
+        u = along * t + across * end
+        low = min(low, bowl * u * u + slope * t + off * end)
+    return rest + low
 
 
 @njit

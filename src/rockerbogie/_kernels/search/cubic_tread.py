@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..jit.decorators import inlined, njit
 from ..model.ground import META_DX, META_DY, surface
 from ..model.tolerances import GAP_TIE, MIN_CONCAVITY, MIN_DECREASE
-from ..model.wheel import AZ, COS, EX, EY, GAP, HALF, HX, HY, HZ, PATCH, RADIUS, TAN, VX, VY
+from ..model.wheel import AZ, COS, EX, EY, GAP, HALF, HX, HY, HZ, PATCH, RADIUS, SIN, TAN, VX, VY
 from .cubic_parts import bounded_step, next_part
 from .cubic_patch import (
     BOUNDS_SIZE,
@@ -30,7 +30,7 @@ from .cubic_patch import (
     YY_LOW,
     bound_differences,
     bound_patch,
-    lowest_over_bowl,
+    lowest_over_valley,
 )
 from .minima import Minima, keep_lower_contact
 from .rim_pieces import Part
@@ -81,7 +81,7 @@ def search_inside(
         high_s = v + rv - min(q_far * lean, q_near * lean)
         split = False
         if abs(u) - ru < r and low_s < reach and high_s > -reach:
-            verdict = _decide(grid, meta, w, side, col, row, x, y, rx, ry, max(lowest[GAP] - GAP_TIE, keep))
+            verdict = _decide(grid, meta, w, side, col, row, x, y, rx, ry, lowest[SIN], max(lowest[GAP] - GAP_TIE, keep))
             kept = -1
             if verdict == CONVEX:
                 kept = _convex_part(grid, meta, w, side, x, y, rx, ry, found, count)
@@ -104,11 +104,13 @@ def search_inside(
 @njit
 def bound_part(
     grid: Array, meta: Array, w: Array, side: float, col: int, row: int, x: float, y: float, rx: float, ry: float,
+    sine: float, limit: float,
 ) -> tuple[float, float, float]:  # fmt: skip
     """Bound the gap of half a tread over a part of a cell, by Bézier ordinates.
 
-    The lower half T is bounded by a paraboloid that touches it over the middle of the part, with the least curvature of T there.
-    The upper half is bounded by its height at the ends of the part.
+    The lower half T is bounded by a parabola along u that touches it, with the least curvature of T over the part. Over a valley
+    along the axle the bound is best at the valley's bottom: it touches T where the lowest contact so far lies, or as near to it as
+    the part allows. The upper half is bounded by its height at the ends of the part.
 
     Args:
         grid, meta: cubic terrain.
@@ -116,6 +118,8 @@ def bound_part(
         side: 1 for the tread's lower half, -1 for its upper half.
         col, row: the cell.
         x, y, rx, ry: middle and half sizes of the part, m from the hub.
+        sine: sin φ of the lowest contact so far.
+        limit: m; a bound below it may be lower than it need be.
 
     Returns:
         The bound, m, NaN over missing data; the plane's slope along u (that along v is tan τ); and a lower bound of T_uu, 1/m.
@@ -125,13 +129,14 @@ def bound_part(
     u, v, ru = x * ex + y * ey, x * w[VX] + y * w[VY], rx * abs(ex) + ry * abs(ey)
     bowl = 0.0
     if side > 0.0:
-        ut = min(max(u, -0.98 * r), 0.98 * r)  # the tangent at ut is nowhere above T
+        ut = min(max(min(max(r * sine, u - ru), u + ru), -0.98 * r), 0.98 * r)
         nearest = max(abs(u) - ru, 0.0)
         q, q_far = math.sqrt(r * r - ut * ut), math.sqrt(max(r * r - nearest * nearest, 0.0004 * r * r))
         slope, least_uu = ut / (q * w[COS]), r * r / (q_far * q_far * q_far * w[COS])
-        plane = slope * (u - ut) - q / w[COS]
-        if u == ut:
+        if nearest <= 0.98 * r:
             bowl = 0.5 * least_uu
+        plane = (slope + bowl * (u - ut)) * (u - ut) - q / w[COS]
+        slope += 2.0 * bowl * (u - ut)
     else:
         q = math.sqrt(max(r * r - (abs(u) + ru) ** 2, 0.0))
         slope, plane = 0.0, q / w[COS]
@@ -143,14 +148,17 @@ def bound_part(
     low = bound_patch(grid, col, row, u0, u0 + wide / dx, v0, v0 + tall / dy, wide, tall, corner, gx, gy, patch)
     if bowl > 0.0:
         a, b = ex * rx, ey * ry
-        low = lowest_over_bowl(patch, bowl * a * a, 2.0 * bowl * a * b, bowl * b * b) + 0.0 * low
+        near, far = min(patch[0], patch[15]) + bowl * (a + b) ** 2, min(patch[3], patch[12]) + bowl * (a - b) ** 2
+        if min(near, far) >= limit:  # otherwise a corner of the part is too low
+            low = lowest_over_valley(patch, bowl, a, b) + 0.0 * low
     return low, slope, least_uu
 
 
 @njit
 def _decide(
-    grid: Array, meta: Array, w: Array, side: float, col: int, row: int, x: float, y: float, rx: float, ry: float, limit: float
-) -> int:
+    grid: Array, meta: Array, w: Array, side: float, col: int, row: int, x: float, y: float, rx: float, ry: float,
+    sine: float, limit: float,
+) -> int:  # fmt: skip
     """Decide a part of a cell by the Bézier ordinates of the height of a plane above it.
 
     The terrain's derivatives are bounded in the grid's directions and in the wheel's. Beside a wall along the grid only the first
@@ -162,13 +170,14 @@ def _decide(
         side: 1 for the tread's lower half, -1 for its upper half.
         col, row: the cell.
         x, y, rx, ry: middle and half sizes of the part, m from the hub.
+        sine: sin φ of the lowest contact so far.
         limit: m, minima of this gap or more are not sought.
 
     Returns:
         CLOSED: there is no minimum below `limit`. CONVEX: T - h is convex within `GAP_TIE` (`_convex_part`). UNDECIDED: neither
         is shown.
     """
-    low, slope, least_uu = bound_part(grid, meta, w, side, col, row, x, y, rx, ry)
+    low, slope, least_uu = bound_part(grid, meta, w, side, col, row, x, y, rx, ry, sine, limit)
     if low >= limit:
         return CLOSED
     patch, ex, ey, vx, vy = w[PATCH : PATCH + BOUNDS_SIZE], w[EX], w[EY], w[VX], w[VY]
