@@ -163,20 +163,22 @@ def _contact_bridged(poses: Batch) -> None:
 
 
 def _equilibrium_cubic(poses: Batch) -> None:
-    """Solve in equilibrium mode on cubic terrain: six-wheel poses by SIMD lanes first."""
+    """Solve in equilibrium mode on cubic terrain: six-wheel poses first."""
     if _is_fine(poses):
         _equilibrium_scalar(poses)
         return
     _lanes_cubic(poses)
+    _contact_left(poses)
     _equilibrium(poses)
 
 
 def _equilibrium_linear(poses: Batch) -> None:
-    """Solve in equilibrium mode on bilinear terrain: six-wheel poses by SIMD lanes first."""
+    """Solve in equilibrium mode on bilinear terrain: six-wheel poses first."""
     if _is_fine(poses):
         _equilibrium_scalar(poses)
         return
     _lanes_linear(poses, poses.terrain.grid)
+    _contact_left(poses)
     _equilibrium(poses)
 
 

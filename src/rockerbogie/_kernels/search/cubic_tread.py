@@ -109,8 +109,8 @@ def bound_part(
     """Bound the gap of half a tread over a part of a cell, by Bézier ordinates.
 
     The lower half T is bounded by a parabola along u that touches it, with the least curvature of T over the part. Over a valley
-    along the axle the bound is best at the valley's bottom: it touches T where the lowest contact so far lies, or as near to it as
-    the part allows. The upper half is bounded by its height at the ends of the part.
+    along the axle the bound is best at the valley's bottom: it touches T where the lowest contact so far lies, or as near to it
+    as the part allows. The upper half is bounded by its height at the ends of the part.
 
     Args:
         grid, meta: cubic terrain.
