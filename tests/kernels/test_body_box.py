@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import rockerbogie as rb
+from rockerbogie._kernels.model.ground import surface
 from rockerbogie._kernels.model.linkage import body_axes
 from rockerbogie._kernels.search import body_box, box_edge, box_face
 from rockerbogie._kernels.search.box_points import NEAR_ROOM, NEAR_SIZE
@@ -106,3 +107,23 @@ def test_box_above_sparse_coefficients_is_searched_at_once(bounded: list[int]) -
     near = search_level_box(case.rover, case.terrain, case.x[0], case.y[0], case.yaw[0], 0.011)
     assert len(near) == NEAR_ROOM
     assert bounded[0] <= 10_000, f"{bounded[0]} parts are bounded"
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_steeper_face_is_nowhere_parallel_to_the_terrain(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    terrain = rb.Terrain.from_array(rng.normal(size=(9, 9)), rng.uniform(0.1, 2.0), interpolation="cubic")
+    packed, at = terrain.packed, np.linspace(0.0, 1.0, 21)
+    points = np.stack(np.meshgrid(4.0 + at, 4.0 + at), axis=-1) * terrain.spacing[0]
+    slopes = np.abs([surface(packed.grid, packed.meta, x, y)[1:3] for x, y in points.reshape(-1, 2)]).max(axis=0)
+    found = []
+    for axis in (0, 1):
+        for share in (0.9, 20.0):
+            slope = [0.0, 0.0]
+            slope[axis] = share * slopes[axis]
+            face = box_face.Face(*np.zeros(20))._replace(gx=slope[0], gy=slope[1])
+            found.append(box_face._is_steeper(packed.grid, packed.meta, 4, 4, face))
+    assert found == [False, True, False, True]
+    grid = packed.grid.copy()
+    grid[5, 6] = np.nan
+    assert not box_face._is_steeper(grid, packed.meta, 4, 4, face)

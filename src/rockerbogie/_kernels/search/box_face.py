@@ -23,6 +23,7 @@ from .cubic_patch import bound_differences, bound_patch, monotonic, nearly_conve
 Array = NDArray[np.float64]
 
 SPLIT, MISSING = -2, -1  # returned in place of a count
+STEEP = 1.0  # |slope along x| + |slope along y| of a face that is first compared with the slope of each cell
 
 
 class Face(NamedTuple):
@@ -107,6 +108,8 @@ def search_face(
             if _room(upper_bound, meta, i, j, ox, oy, face, part) > least_clearance(near, count, sought.cap) + sought.seek:
                 continue
             if meta[META_CUBIC] != 0.0:
+                if abs(face.gx) + abs(face.gy) > STEEP and _is_steeper(grid, meta, i, j, face):
+                    continue
                 kept = _search_cubic_cell(grid, meta, patch, i, j, face, part, sought, near, count)
             else:
                 kept = _search_nodes(grid, upper_bound, meta, i, j, ox, oy, face, sought, near, count)
@@ -127,6 +130,32 @@ def _is_beside(face: Face, ox: float, oy: float, rx: float, ry: float) -> bool:
     pa, pb = face.a0 + face.ax * ox + face.ay * oy, face.b0 + face.bx * ox + face.by * oy
     outside_a = max(face.a_low - pa, pa - face.a_high) > rx * abs(face.ax) + ry * abs(face.ay)
     return outside_a or max(face.b_low - pb, pb - face.b_high) > rx * abs(face.bx) + ry * abs(face.by)
+
+
+@inlined
+def _is_steeper(grid: Array, meta: Array, i: int, j: int, face: Face) -> bool:
+    """Return True if a face is steeper than the terrain anywhere in a cubic cell.
+
+    No minimum of the gap then lies inside the face. The slope of a spline lies between the differences of its neighbouring
+    coefficients. Seen from above, the upright faces of a level box are thinner than most cells.
+
+    Args:
+        grid, meta: cubic terrain.
+        i, j: column and row of the cell.
+        face: the face.
+
+    Returns:
+        False also if the cell is missing.
+    """
+    rise_x, rise_y = abs(face.gx) * meta[META_DX], abs(face.gy) * meta[META_DY]
+    right, up = (1, 0) if rise_x > rise_y else (0, 1)
+    steepest, total = 0.0, 0.0
+    for m in range(4):
+        for n in range(3):
+            row, col = (j + m, i + n) if right == 1 else (j + n, i + m)
+            step = grid[row + up, col + right] - grid[row, col]
+            steepest, total = max(steepest, abs(step)), total + step
+    return steepest + 0.0 * total < max(rise_x, rise_y)
 
 
 @inlined
