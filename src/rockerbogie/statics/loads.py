@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from .._kernels.jit.parallel import parallel_for
 from .._kernels.statics import loads as kernel
 from .._kernels.statics.lane_friction import GAP
-from ..arrays import Array
+from ..arrays import Array, floats
 from ..errors import RockerbogieError
 from ..gravity import check_gravity
 from ..settling.pose import Pose
@@ -168,8 +168,8 @@ def solve_loads(
 def _spread(name: str, value: ArrayLike, shape: tuple[int, ...], *last: int) -> Array:
     """Return a value (..., *last) as (n, *last), or (1, *last) if all poses share it."""
     try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
+        array = floats(value)
+    except (TypeError, ValueError, OverflowError):
         raise RockerbogieError(f"{name} must be numbers, not {value!r:.60}") from None
     if array.shape[array.ndim - len(last) :] != last or not np.isfinite(array).all():
         raise RockerbogieError(
