@@ -296,6 +296,12 @@ def test_bad_input_is_a_sentence_or_a_status() -> None:
                   {"acceleration": [0.0, 0.0, -rb.GRAVITY["earth"]]}, {"drawbar": "much"}):  # fmt: skip
         with pytest.raises(rb.RockerbogieError):
             rb.wheel_loads(pose, **wrong)
+    for wrong, text in (({"drawbar": np.nan}, "drawbar holds 1 values that are not finite"),
+                        ({"drawbar": "3"}, "drawbar must be numbers, not '3'"),
+                        ({"acceleration": 0.0}, r"acceleration has shape \(\); its last axis must be 3"),
+                        ({"acceleration": [True, False, True]}, "acceleration must be numbers")):  # fmt: skip
+        with pytest.raises(rb.RockerbogieError, match=text):
+            rb.wheel_loads(pose, **wrong)
     with pytest.raises(rb.RockerbogieError):
         rb.wheel_loads("pose")  # type: ignore[arg-type]
     off = rb.settle(pose.rover, pose.terrain, 1e4, 0.0)

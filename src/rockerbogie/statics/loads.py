@@ -171,10 +171,10 @@ def _spread(name: str, value: ArrayLike, shape: tuple[int, ...], *last: int) -> 
         array = floats(value)
     except (TypeError, ValueError, OverflowError):
         raise RockerbogieError(f"{name} must be numbers, not {value!r:.60}") from None
-    if array.shape[array.ndim - len(last) :] != last or not np.isfinite(array).all():
-        raise RockerbogieError(
-            f"{name} of shape {array.shape} must be finite numbers of shape (..., {', '.join(map(str, last))})"
-        )
+    if not np.isfinite(array).all():
+        raise RockerbogieError(f"{name} holds {int((~np.isfinite(array)).sum())} values that are not finite")
+    if array.shape[array.ndim - len(last) :] != last:
+        raise RockerbogieError(f"{name} has shape {array.shape}; its last axis must be {last[0]}")
     if array.shape == last:
         return array.reshape(1, *last)
     try:
