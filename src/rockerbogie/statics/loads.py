@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from .._kernels.jit.parallel import parallel_for
 from .._kernels.statics import loads as kernel
 from .._kernels.statics.lane_friction import GAP
-from ..arrays import Array, floats
+from ..arrays import Array, flat, floats
 from ..errors import RockerbogieError
 from ..gravity import check_gravity
 from ..settling.pose import Pose
@@ -176,8 +176,8 @@ def _spread(name: str, value: ArrayLike, shape: tuple[int, ...], *last: int) -> 
     if array.shape[array.ndim - len(last) :] != last:
         raise RockerbogieError(f"{name} has shape {array.shape}; its last axis must be {last[0]}")
     if array.shape == last:
-        return array.reshape(1, *last)
+        return flat(array, *last)
     try:
-        return np.ascontiguousarray(np.broadcast_to(array, (*shape, *last))).reshape(-1, *last)
+        return flat(np.broadcast_to(array, (*shape, *last)), *last)  # writable: kernels are compiled for that alone
     except ValueError:
         raise RockerbogieError(f"{name} of shape {array.shape} does not broadcast to poses of shape {shape}") from None
