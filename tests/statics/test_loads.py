@@ -305,6 +305,7 @@ def test_bad_input_is_a_sentence_or_a_status() -> None:
             rb.wheel_loads(pose, **wrong)
     with pytest.raises(rb.RockerbogieError):
         rb.wheel_loads("pose")  # type: ignore[arg-type]
+    assert (rb.wheel_loads(pose, acceleration=[0.0, 0.0, 1e300]).status == rb.LoadStatus.NOT_CONVERGED).all()  # no warning either
     off = rb.settle(pose.rover, pose.terrain, 1e4, 0.0)
     loads = rb.wheel_loads(off)
     assert loads.status == rb.LoadStatus.NO_POSE
