@@ -195,7 +195,7 @@ def equilibrium(name: str, rover: str, surface: str, interpolation: str) -> Iter
 
 
 def stability(name: str, rover: str) -> Iterator[Item]:
-    """Yield tip margins of poses in contact mode on every surface and interpolation, with the wheels that stay in place."""
+    """Yield tip margins of poses in contact mode on every surface."""
     machine = rover_of(rover)
     for surface in SURFACES:
         for interpolation in INTERPOLATIONS:
