@@ -105,6 +105,16 @@ def test_other_environment_allows_small_differences_only(checked: Any) -> None:
     assert list(checked({"t": "a 1.5"}, {"t": "a 1.6"}, exact=False).differing) == ["case/t"]
 
 
+def test_tip_margins_may_differ_by_their_accuracy_in_another_environment(checked: Any) -> None:
+    stays = np.array([True, False])
+    before = {"mars.cubic.tip_margin": VALUES, "mars.cubic.stays": stays}
+    close = {"mars.cubic.tip_margin": changed(8, lambda v: v + 5e-5), "mars.cubic.stays": ~stays}
+    assert len(checked(before, close).differing) == 2
+    assert not checked(before, close, exact=False).differing
+    far = {**before, "mars.cubic.tip_margin": changed(8, lambda v: v + 1e-3)}
+    assert list(checked(before, far, exact=False).differing) == ["case/mars.cubic.tip_margin"]
+
+
 @pytest.mark.parametrize("before, after", [(0.0, -0.0), (1.0, np.nan), (np.nan, 1.0), (np.inf, -np.inf)])
 def test_zero_signs_and_nan_differ(checked: Any, before: float, after: float) -> None:
     report = checked({"q": changed(5, lambda v: before)}, {"q": changed(5, lambda v: after)})

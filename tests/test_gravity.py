@@ -43,7 +43,10 @@ def test_gravity_in_other_units_is_refused(call) -> None:
             call(wrong)
 
 
-@pytest.mark.parametrize("wrong", [None, "mars", [9.81, 3.7], 10**400, 1j, np.inf], ids=lambda wrong: str(wrong)[:8])
+WRONG_TYPES = [None, "mars", "9.81", True, np.True_, [9.81, 3.7], 10**400, 1j, np.inf]
+
+
+@pytest.mark.parametrize("wrong", WRONG_TYPES, ids=lambda wrong: f"{type(wrong).__name__} {wrong}"[:12])
 def test_other_than_a_number_is_refused(wrong: object) -> None:
     with pytest.raises(rb.RockerbogieError, match="gravity is"):
         check_gravity(wrong)  # type: ignore[arg-type]

@@ -50,6 +50,7 @@ SIDE = 60.0  # of a map, in wheel radii
 CONTACT_POSES, MOTION_POSES = 101, 40
 #: In equilibrium mode a pose takes 1 to 2 ms, so there are fewer.
 EQUILIBRIUM_POSES, EQUILIBRIUM_POSES_HARD = 1, 3
+STABILITY_POSES = 12  # on each surface
 
 
 def generator(name: str) -> np.random.Generator:
@@ -193,6 +194,19 @@ def equilibrium(name: str, rover: str, surface: str, interpolation: str) -> Iter
         yield channel, getattr(pose, channel)
 
 
+def stability(name: str, rover: str) -> Iterator[Item]:
+    """Yield tip margins of poses in contact mode on every surface."""
+    machine = rover_of(rover)
+    for surface in SURFACES:
+        for interpolation in INTERPOLATIONS:
+            label = f"{surface}.{interpolation}"
+            terrain = terrain_of(rover, surface, interpolation)
+            where = positions(f"{name}/{label}", terrain, STABILITY_POSES)
+            found = rb.stability(rb.settle(machine, terrain, *where))
+            for key in ("tip_margin", "tip_bound", "tip_angle", "stays", "force_angle", "energy"):
+                yield f"{label}.{key}", getattr(found, key)
+
+
 def motion(name: str, rover: str) -> Iterator[Item]:
     """Yield frames, Jacobians, twists, commands and slip of poses on smooth terrain."""
     machine, terrain, rng = rover_of(rover), terrain_of(rover, "rough", "cubic"), generator(name)
@@ -312,6 +326,8 @@ def groups() -> dict[str, Group]:
     for rover in ROVERS:
         for label, function in (("exports", exports), ("motion", motion), ("drive", drive)):
             found[f"{label}/{rover}"], arguments[f"{label}/{rover}"] = function, (rover,)
+        if rover in PRESETS:  # "custom" has no masses
+            found[f"stability/{rover}"], arguments[f"stability/{rover}"] = stability, (rover,)
         for label, settled in (("contact", contact), ("equilibrium", equilibrium)):
             for surface in SURFACES:
                 for interpolation in INTERPOLATIONS:

@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 def is_number(value: object) -> bool:
-    """Return True for one finite real number; False for an array, text or None.
+    """Return True for one finite real number; False for an array, text, a bool or None.
 
     Args:
         value: any object.
@@ -22,12 +22,34 @@ def is_number(value: object) -> bool:
     Returns:
         True or False.
     """
-    if not isinstance(value, int | float | np.number) or isinstance(value, np.complexfloating):
+    if not isinstance(value, int | float | np.number) or isinstance(value, bool | np.complexfloating):
         return False
     try:
         return math.isfinite(value)
     except OverflowError:  # an int beyond the largest float
         return False
+
+
+def floats(value: object) -> Array:
+    """Return numbers as an array of floats.
+
+    NumPy alone takes text such as "3" and bools for numbers.
+
+    Args:
+        value: a number, or numbers in any form that NumPy takes as an array.
+
+    Returns:
+        (...) float64; not a copy of an array of floats.
+
+    Raises:
+        TypeError: text, bools, dates or complex numbers.
+        ValueError, OverflowError: rows of different length; a number beyond the largest float.
+    """
+    array = np.asarray(value)
+    kind = array.dtype.kind
+    if kind not in "fiuO" or (kind == "O" and any(isinstance(item, str | bytes | bool) for item in array.flat)):
+        raise TypeError(f"{value!r:.60} is not a number")
+    return np.asarray(array, dtype=float)
 
 
 def spanned(array: Array, shape: tuple[int, ...]) -> Array:

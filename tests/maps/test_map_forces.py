@@ -60,6 +60,16 @@ def test_summaries_take_the_worst_heading(maps: Any) -> None:
         np.testing.assert_array_equal(maps[summary], worst(values[0], values[1]))
 
 
+def test_layers_that_need_no_limits_do_not_depend_on_them(rover: rb.Rover, terrain: rb.Terrain, maps: Any) -> None:
+    layers = ["worst_friction", "tip_margin", "worst_tilt", "worst_clearance"]
+    some = rb.traversability(rover, terrain, HEADINGS, 0.3, "curiosity", gravity=rb.GRAVITY["mars"], layers=layers)
+    for name in ("worst_friction", "tip_margin"):
+        np.testing.assert_array_equal(some[name], maps[name])
+    limited = rb.traversability(rover, terrain, HEADINGS, 0.3, "curiosity", layers=[*layers[2:], "worst_exceeded"])
+    for name in ("worst_tilt", "worst_clearance"):
+        np.testing.assert_array_equal(some[name], limited[name])
+
+
 @pytest.mark.parametrize("name", FORCES)
 def test_a_limit_is_exceeded_beyond_it_and_where_the_value_is_missing(
     rover: rb.Rover, terrain: rb.Terrain, maps: Any, name: str

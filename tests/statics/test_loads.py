@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 import rockerbogie as rb
 from rockerbogie.rover.rotations import rotation_y
+from rockerbogie.statics.loads import _spread
 
 Array = NDArray[np.float64]
 SIDE = np.array([0, 1, 0, 1, 0, 1])
@@ -296,13 +297,27 @@ def test_bad_input_is_a_sentence_or_a_status() -> None:
                   {"acceleration": [0.0, 0.0, -rb.GRAVITY["earth"]]}, {"drawbar": "much"}):  # fmt: skip
         with pytest.raises(rb.RockerbogieError):
             rb.wheel_loads(pose, **wrong)
+    for wrong, text in (({"drawbar": np.nan}, "drawbar holds 1 values that are not finite"),
+                        ({"drawbar": "3"}, "drawbar must be numbers, not '3'"),
+                        ({"acceleration": 0.0}, r"acceleration has shape \(\); its last axis must be 3"),
+                        ({"acceleration": [True, False, True]}, "acceleration must be numbers")):  # fmt: skip
+        with pytest.raises(rb.RockerbogieError, match=text):
+            rb.wheel_loads(pose, **wrong)
     with pytest.raises(rb.RockerbogieError):
         rb.wheel_loads("pose")  # type: ignore[arg-type]
+    assert (rb.wheel_loads(pose, acceleration=[0.0, 0.0, 1e300]).status == rb.LoadStatus.NOT_CONVERGED).all()  # no warning either
     off = rb.settle(pose.rover, pose.terrain, 1e4, 0.0)
     loads = rb.wheel_loads(off)
     assert loads.status == rb.LoadStatus.NO_POSE
     assert np.isnan(loads.normal).all()
     assert np.isnan(loads.required_friction)
+
+
+@pytest.mark.parametrize("value", [0.0, np.zeros(5), np.broadcast_to(1.0, 5), np.broadcast_to(1.0, ())])
+def test_forces_reach_kernels_in_the_one_form_that_they_are_compiled_for(value: np.ndarray) -> None:
+    got = _spread("drawbar", value, (5,))
+    assert got.flags.carray, "a read-only array would compile the kernel again, which takes a minute"
+    assert got.shape in ((1,), (5,))
 
 
 def test_batch_shapes_and_single_pose_agree() -> None:

@@ -124,12 +124,13 @@ def test_gravity_scales_the_energy_and_not_the_angle() -> None:
 
 def test_bad_input_is_a_sentence_and_no_pose_is_nan() -> None:
     pose = settled("curiosity", 3, 2)
-    for wrong in ({"gravity": -1.0}, {"friction": 0.0}, {"friction": np.nan}, {"friction": "much"}):
+    for wrong in ({"gravity": -1.0}, {"friction": 0.0}, {"friction": np.nan}, {"friction": "much"}, {"friction": True}):
         with pytest.raises(rb.RockerbogieError):
             rb.stability(pose, **wrong)
     got = rb.stability(rb.settle(pose.rover, pose.terrain, 1e4, 0.0))
     assert np.isnan([got.tip_margin, got.direction, got.energy]).all()
     assert got.edge == ""
+    assert repr(got) == "<Stability: no pose, or no margin found>"
 
 
 def test_a_locked_rover_in_mujoco_tips_at_the_same_tilt() -> None:

@@ -33,6 +33,8 @@ HEADINGS = 4
 FIRST_BATCH, MOST_BATCH, BATCH_TIME = 256, 1 << 16, 0.15
 #: Layers that need the clearance itself; for all others it only matters if it is above its limit.
 _CLEARANCES = frozenset({"clearance", "worst_clearance", "exceeded", "worst_exceeded"})
+#: Layers that need the comparison with the limits.
+_COMPARED = frozenset({"exceeded", "worst_exceeded", "passable", "best_heading"})
 #: Heights per diameter of the disc over which roughness is computed.
 ACROSS = 7
 
@@ -54,6 +56,11 @@ class Job:
         """Values of forces that the layers or limits need."""
         asked = {*self.limits.forces, *(name for name in WORST if {name, WORST[name]} & set(self.layers))}
         return tuple(name for name in WORST if name in asked)
+
+    @property
+    def compares(self) -> bool:
+        """True if a layer needs the limits that poses exceed."""
+        return not _COMPARED.isdisjoint(self.layers)
 
     def shape(self, layer: str, tile: Tile) -> tuple[int, ...]:
         """Return the shape of a layer over a tile.
@@ -81,7 +88,7 @@ class Job:
         x, y = self.cells.x(tile.cols), self.cells.y(tile.rows)
         summary = _Summary(tile.shape, len(self.headings), kind_of("worst_exceeded", self.limits))
         planes = None
-        if self.limits.clearance is not None and _CLEARANCES.isdisjoint(self.layers):
+        if self.compares and self.limits.clearance is not None and _CLEARANCES.isdisjoint(self.layers):
             planes = UpperPlanes.of(self.rover, terrain, x, y, len(self.headings))
         pace = _Pace()
         for start in range(0, len(self.headings), HEADINGS):
@@ -108,10 +115,13 @@ class Job:
         """Return the layers (headings, rows, cols) of a batch, and add them to the summary."""
         pose = settle(self.rover, terrain, x, y[:, None], yaw[:, None, None], mode=self.mode, gravity=self.gravity)
         tilt = _plain(pose.tilt)
-        look_below = planes is None and (self.limits.clearance is not None or not _CLEARANCES.isdisjoint(self.layers))
+        bounded = self.compares and planes is None and self.limits.clearance is not None
+        look_below = bounded or not _CLEARANCES.isdisjoint(self.layers)
         clearance = _plain(pose.clearance) if look_below else None
         forces = {name: _plain(values) for name, values in force_values(pose, self.forces).items()}
-        over = exceeded(pose, self.limits, tilt, clearance, forces)
+        over = np.zeros(pose.shape, dtype=np.uint16)
+        if self.compares:
+            over = exceeded(pose, self.limits, tilt, clearance, forces)
         if planes is not None and self.limits.clearance is not None:
             doubtful = (over == 0) & ~planes.clear(pose, yaw, at, self.limits.clearance)
             over[doubtful] = np.where(clearance_at(pose, doubtful) > self.limits.clearance, 0, BITS["clearance"])

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._kernels.jit.uncompiled import compile_first
+from ..arrays import floats
 from ..errors import RockerbogieError, expect
 from ..files.version import __version__
 from ..gravity import GRAVITY, check_gravity
@@ -96,7 +97,7 @@ def traversability(
     names = chosen_layers(layers, allowed.forces)
     if not (isinstance(chunk, (int, np.integer)) and chunk > 0 and chunk % TILE == 0):
         raise RockerbogieError(f"chunk is {chunk!r}: give a multiple of {TILE} cells")
-    if workers is not None and not (isinstance(workers, (int, np.integer)) and workers >= 1):
+    if workers is not None and not (isinstance(workers, int | np.integer) and not isinstance(workers, bool) and workers >= 1):
         raise RockerbogieError(f"workers is {workers!r}: give the number of processes, 1 or more")
     ground = _ground(terrain, band, interpolation, cell)
     cells = cells_over(ground.whole, resolution, bounds)
@@ -196,10 +197,10 @@ def heading_angles(headings: int | ArrayLike) -> NDArray[np.float64]:
         RockerbogieError: neither.
     """
     try:
-        given = np.asarray(headings)
+        given = floats(headings)
         if given.ndim == 0 and given == int(given) and given >= 1:
             return 2 * np.pi * np.arange(int(given)) / int(given)
-        angles = np.array(given, dtype=float)
+        angles = np.array(given)
     except (TypeError, ValueError, OverflowError):
         angles = np.array(np.nan)
     if angles.ndim != 1 or not angles.size or not np.isfinite(angles).all():

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Array, is_number
+from ..arrays import Array, floats, is_number
 from ..errors import PathError, RockerbogieError, expect
 from ..files.tables import write_columns
 from ..files.version import __version__
@@ -103,8 +103,8 @@ def drive(
         turn = turn if near is None else _continuous(rover, turn, reading("near", near, 6))
     else:
         try:
-            turn = np.asarray(steering, dtype=float)
-        except (TypeError, ValueError):
+            turn = floats(steering)
+        except (TypeError, ValueError, OverflowError):
             raise RockerbogieError(f"steering is {steering!r:.60}; give angles in rad, (6,) or one row a station") from None
     if turn.shape not in ((6,), (len(distance), 6)):
         raise RockerbogieError(f"steering has shape {turn.shape}; give (6,) or ({len(distance)}, 6), one row a station")

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from .._kernels.jit.parallel import parallel_for
 from .._kernels.model import jacobians as kernel
 from .._kernels.odometry import layout as at
-from ..arrays import Array, flat, flat_steering, spanned
+from ..arrays import Array, flat, flat_steering, floats, spanned
 from ..errors import RockerbogieError
 from ..rover.frames import contact_frames, joint_angles, wheel_frames
 from ..rover.model import Rover
@@ -327,8 +327,8 @@ def reading(name: str, value: ArrayLike, *last: int) -> Array:
         RockerbogieError: no numbers, another shape, or infinite values.
     """
     try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
+        array = floats(value)
+    except (TypeError, ValueError, OverflowError):
         raise RockerbogieError(f"{name} must be numbers, not {value!r:.60}") from None
     if array.shape[array.ndim - len(last) :] != last:
         wanted = f"its last axis must be {last[0]}" if len(last) == 1 else f"its last axes must be {last}"

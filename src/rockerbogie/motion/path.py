@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array
+from ..arrays import Array, floats
 from ..errors import PathError
 from ..rover.rotations import wrap_angle
 
@@ -197,8 +197,8 @@ class Path:
 def _numbers(values: ArrayLike) -> Array:
     """Return a copy as an array of floats, or raise."""
     try:
-        return np.array(values, dtype=float)
-    except (TypeError, ValueError):
+        return np.array(floats(values))
+    except (TypeError, ValueError, OverflowError):
         raise PathError(f"a path is made of numbers, in equal rows; got {values!r:.60}") from None
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array
+from ..arrays import Array, floats
 from ..errors import RoverError
 
 
@@ -23,8 +23,8 @@ def numbers(name: str, value: ArrayLike) -> Array:
         RoverError: not numbers, or rows of different length.
     """
     try:
-        return np.array(value, dtype=float)
-    except (TypeError, ValueError):
+        return np.array(floats(value))
+    except (TypeError, ValueError, OverflowError):
         raise RoverError(f"{name} must be numbers, not {value!r}") from None
 
 

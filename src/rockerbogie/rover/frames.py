@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from .._kernels.jit.parallel import parallel_for
 from .._kernels.odometry.frames import wheel_frames_batch
-from ..arrays import Array, flat, flat_steering, once, spanned
+from ..arrays import Array, flat, flat_steering, floats, once, spanned
 from ..errors import RockerbogieError, expect
 from .model import LOAD_ROVER, Rover
 from .rotations import rotation_y
@@ -40,8 +40,10 @@ def joint_angles(rover: Rover, rocker: ArrayLike, bogie: ArrayLike, steering: Ar
     Raises:
         RockerbogieError: a shape that does not fit, or steering on a wheel that does not steer.
     """
-    q = np.asarray(rocker, dtype=float)
-    b = np.asarray(bogie, dtype=float)
+    try:
+        q, b = floats(rocker), floats(bogie)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise RockerbogieError(f"rocker and bogie must be angles, rad: {error}") from None
     if b.shape[-1:] != (2,):
         raise RockerbogieError(f"bogie has shape {b.shape}; its last axis must be 2 (left, right)")
     s = check_steering(rover, steering)
@@ -65,7 +67,10 @@ def check_steering(rover: Rover, steering: ArrayLike | None) -> Array:
     expect(rover, Rover, "rover", LOAD_ROVER)
     if steering is None:
         return np.zeros(6)
-    s = np.asarray(steering, dtype=float)
+    try:
+        s = floats(steering)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise RockerbogieError(f"steering must be six angles for each pose, rad: {error}") from None
     if s.shape[-1:] != (6,):
         raise RockerbogieError(
             f"steering has shape {s.shape}; its last axis must be 6, one angle for each wheel (0 if it does not steer)"

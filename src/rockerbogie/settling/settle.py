@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._kernels.solve.forces import R_SIZE
-from ..arrays import Array, flat, flat_steering, pieces, spanned
+from ..arrays import Array, flat, flat_steering, floats, pieces, spanned
 from ..errors import RockerbogieError, expect
 from ..gravity import GRAVITY, check_gravity
 from ..rover.frames import check_steering
@@ -20,7 +20,7 @@ from .engines import Mode as Mode
 from .pose import Pose
 
 CHUNK = 1 << 20  # poses per kernel call: bounds the memory that a broadcast input takes
-NUMBER = (float, int)
+NUMBER = (float, int, np.float64)  # not bool, a subclass of int
 LARGEST = sys.float_info.max
 NO_REPORT = np.empty((0, R_SIZE))
 
@@ -89,7 +89,7 @@ def settle(
 
 def _is_finite(value: object) -> bool:
     """Return True if an argument is a plain finite number."""
-    return isinstance(value, NUMBER) and -LARGEST <= value <= LARGEST
+    return type(value) in NUMBER and -LARGEST <= value <= LARGEST  # type: ignore[operator]
 
 
 def _settle_one(
@@ -132,7 +132,7 @@ def check_mode(mode: str) -> None:
 def _numbers(name: str, value: ArrayLike) -> Array:
     """Return an argument as an array (...) of finite floats, or raise."""
     try:
-        array = np.asarray(value, dtype=float)
+        array = floats(value)
     except (TypeError, ValueError, OverflowError) as error:
         raise RockerbogieError(f"{name} is not a number or an array of numbers: {error}") from error
     # A single number is checked without numpy, which takes ten times as long.

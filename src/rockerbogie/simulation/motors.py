@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arrays import floats
 from ..errors import RockerbogieError
 from ..rover.model import Rover
 
@@ -42,8 +43,8 @@ def torque_limits(rover: Rover, torque: ArrayLike | None = None) -> Array:
         usual = TORQUE_SHARE * rover.mass * GRAVITY * rover.wheel_radius
         return np.where(np.isfinite(rover.wheel_torque), rover.wheel_torque, usual)
     try:
-        limits = np.asarray(torque, dtype=float)
-    except (TypeError, ValueError):
+        limits = floats(torque)
+    except (TypeError, ValueError, OverflowError):
         raise RockerbogieError(f"torque is {torque!r:.60}; give N·m, one number or six") from None
     if limits.shape not in ((), (6,)):
         raise RockerbogieError(f"torque has shape {limits.shape}; give N·m, one number or six")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import is_number
 from ..errors import RockerbogieError, expect
 from ..files.version import __version__
 from ..gravity import GRAVITY, check_gravity
@@ -252,9 +253,9 @@ def check_arguments(rover: Rover, friction: float, torque: float | None, gravity
         RockerbogieError: one is out of its range.
     """
     expect(rover, Rover, "rover", LOAD_ROVER)
-    if not (_is_number(friction) and friction >= 0.0):
+    if not (is_number(friction) and friction >= 0.0):
         raise RockerbogieError(f"friction is {friction!r:.40}; give a coefficient of 0 or more, such as 0.7")
-    if torque is not None and torque != np.inf and not (_is_number(torque) and torque > 0.0):
+    if torque is not None and torque != np.inf and not (is_number(torque) and torque > 0.0):
         raise RockerbogieError(f"torque is {torque!r:.40}; give the limit of a hub motor in N m, above 0, or inf for no limit")
     check_gravity(gravity)
 
@@ -270,11 +271,6 @@ def motor_limit(rover: Rover, torque: float | None) -> float:
         The limit given, or the least of the rover's hub motors, N m; inf without a limit.
     """
     return float(rover.wheel_torque.min() if torque is None else torque)
-
-
-def _is_number(value: object) -> bool:
-    """Return True for a finite number that is not a bool."""
-    return isinstance(value, int | float | np.number) and not isinstance(value, bool) and bool(np.isfinite(value))
 
 
 def _plane(points: NDArray[np.complex128]) -> Array:

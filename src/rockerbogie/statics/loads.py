@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from .._kernels.jit.parallel import parallel_for
 from .._kernels.statics import loads as kernel
 from .._kernels.statics.lane_friction import GAP
-from ..arrays import Array
+from ..arrays import Array, flat, floats
 from ..errors import RockerbogieError
 from ..gravity import check_gravity
 from ..settling.pose import Pose
@@ -140,7 +140,7 @@ def solve_loads(
     if acceleration is not None:
         field = -_spread("acceleration", acceleration, pose.shape, 3)
     field = field + [0.0, 0.0, -check_gravity(pose.gravity if gravity is None else gravity)]
-    if (np.linalg.norm(field, axis=-1) < WEIGHTLESS).any():
+    if (np.abs(field).max(axis=-1) < WEIGHTLESS).any():
         raise RockerbogieError("acceleration cancels gravity: a rover in free fall has no weight, and no wheel loads")
     n = pose.status.size
     force, torque, limit = np.empty((n, 6, 3)), np.empty((n, 6)), np.empty((n, 3))
@@ -168,16 +168,16 @@ def solve_loads(
 def _spread(name: str, value: ArrayLike, shape: tuple[int, ...], *last: int) -> Array:
     """Return a value (..., *last) as (n, *last), or (1, *last) if all poses share it."""
     try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
+        array = floats(value)
+    except (TypeError, ValueError, OverflowError):
         raise RockerbogieError(f"{name} must be numbers, not {value!r:.60}") from None
-    if array.shape[array.ndim - len(last) :] != last or not np.isfinite(array).all():
-        raise RockerbogieError(
-            f"{name} of shape {array.shape} must be finite numbers of shape (..., {', '.join(map(str, last))})"
-        )
+    if not np.isfinite(array).all():
+        raise RockerbogieError(f"{name} holds {int((~np.isfinite(array)).sum())} values that are not finite")
+    if array.shape[array.ndim - len(last) :] != last:
+        raise RockerbogieError(f"{name} has shape {array.shape}; its last axis must be {last[0]}")
     if array.shape == last:
-        return array.reshape(1, *last)
+        return flat(array, *last)
     try:
-        return np.ascontiguousarray(np.broadcast_to(array, (*shape, *last))).reshape(-1, *last)
+        return flat(np.broadcast_to(array, (*shape, *last)), *last)  # writable: kernels are compiled for that alone
     except ValueError:
         raise RockerbogieError(f"{name} of shape {array.shape} does not broadcast to poses of shape {shape}") from None

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arrays import floats, is_number
 from ..errors import TerrainError
 
 Array = NDArray[np.float64]
@@ -62,8 +63,8 @@ class Profile:
 def _vertices(axis: str, values: ArrayLike) -> Array:
     """Return one coordinate of the vertices (n,), m."""
     try:
-        array = np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
+        array = floats(values)
+    except (TypeError, ValueError, OverflowError):
         raise TerrainError(f"{axis} of a profile must be numbers, not {values!r:.60}") from None
     if array.ndim != 1 or not np.isfinite(array).all():
         raise TerrainError(f"{axis} of a profile has shape {array.shape}: give a list of finite numbers, m")
@@ -164,10 +165,6 @@ def stairs(rise: float, run: float, count: int = 5) -> Profile:
 
 def _above(name: str, value: float) -> float:
     """Return a size as a float above 0."""
-    try:
-        size = float(value)
-    except (TypeError, ValueError):
-        size = np.nan
-    if not (np.isfinite(size) and size > 0.0):
+    if not (is_number(value) and value > 0.0):
         raise TerrainError(f"{name} of an obstacle is {value!r:.40}: give a finite number above 0")
-    return size
+    return float(value)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from .._kernels.jit.parallel import parallel_for
 from .._kernels.statics import loads as kernel
 from .._kernels.statics.lane_tipping import MARGIN
-from ..arrays import Array
+from ..arrays import Array, is_number
 from ..errors import RockerbogieError
 from ..gravity import check_gravity
 from ..settling.pose import Pose
@@ -69,6 +69,8 @@ class Stability:
     def __repr__(self) -> str:
         if self.tip_margin.ndim:
             return f"<Stability of {self.tip_margin.size} poses>"
+        if np.isnan(self.tip_margin):
+            return "<Stability: no pose, or no margin found>"
         how = "slides" if self.slides else f"tips over {self.edge}"
         return f"<Stability: margin {np.degrees(float(self.tip_margin)):.2f} deg, then {how}>"
 
@@ -93,8 +95,8 @@ def stability(pose: Pose, *, gravity: float | None = None, friction: float = GRI
     """
     packed = pack_contacts(pose)
     weight = pose.rover.mass * check_gravity(pose.gravity if gravity is None else gravity)
-    if not (isinstance(friction, (int, float, np.number)) and 0.0 < friction <= 50.0):
-        raise RockerbogieError(f"friction is {friction!r}; give a coefficient above 0, at most 50")
+    if not (is_number(friction) and 0.0 < friction <= 50.0):
+        raise RockerbogieError(f"friction is {friction!r:.40}; give a coefficient above 0, at most 50")
     n = pose.status.size
     margin, bound, direction, angle, energy = np.empty((5, n))
     stays, slides = np.empty((n, 6), dtype=bool), np.empty(n, dtype=bool)

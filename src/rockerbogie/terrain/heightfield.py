@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._kernels.jit.parallel import parallel_for
 from .._kernels.model import ground
+from ..arrays import floats
 from ..errors import RockerbogieError, TerrainError, TerrainWarning
 from .labelled import is_labelled, read_labelled
 from .window import Datum, Derived, Interpolation, MapExtent, check_grid, derive
@@ -242,8 +243,8 @@ class Terrain:
     def _surface(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Return height and slopes (..., 3)."""
         try:
-            px, py = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
-        except (TypeError, ValueError) as error:
+            px, py = np.broadcast_arrays(floats(x), floats(y))
+        except (TypeError, ValueError, OverflowError) as error:
             shapes = " and ".join(str(np.shape(value)) for value in (x, y))
             raise RockerbogieError(
                 f"x and y of shapes {shapes} must be numbers that broadcast together, as x[None, :] and y[:, None] do: {error}"
@@ -327,8 +328,8 @@ def _numbers(z: Any, spacing: Any, origin: Any) -> tuple[Array, tuple[float, flo
             raise TypeError("they are complex")
         with np.errstate(over="ignore"):  # a long double may become infinite, which is refused
             heights: Array = np.array(np.ma.filled(np.ma.asarray(z, dtype=float), np.nan))
-        step = np.broadcast_to(np.asarray(spacing, dtype=float), (2,))
-        corner = np.asarray(origin, dtype=float)
+        step = np.broadcast_to(floats(spacing), (2,))
+        corner = floats(origin)
     except (TypeError, ValueError, OverflowError) as error:
         raise TerrainError(
             f"heights must be an array of numbers, spacing ({spacing!r}) one number or two, origin ({origin!r}) two: {error}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import floats, is_number
 from ...errors import TerrainError
 
 Array = NDArray[np.float64]
@@ -23,8 +24,8 @@ def finite(**values: float) -> None:
         TerrainError: NaN or infinity, with the name.
     """
     for name, value in values.items():
-        if not np.isfinite(value):
-            raise TerrainError(f"{name} is {value}; give a finite number")
+        if not is_number(value):
+            raise TerrainError(f"{name} is {value!r:.40}; give a finite number")
 
 
 def positive(**sizes: float) -> None:
@@ -37,8 +38,8 @@ def positive(**sizes: float) -> None:
         TerrainError: another value, with the name.
     """
     for name, size in sizes.items():
-        if not (np.isfinite(size) and size > 0):
-            raise TerrainError(f"{name} is {size}; give a finite number above 0")
+        if not (is_number(size) and size > 0):
+            raise TerrainError(f"{name} is {size!r:.40}; give a finite number above 0")
 
 
 def span(x: tuple[float, float], y: tuple[float, float], spacing: float) -> tuple[Array, Array]:
@@ -81,8 +82,8 @@ def centred(size: float | tuple[float, float], spacing: float) -> tuple[Array, A
         TerrainError: as `span`, or a size that is not one or two positive numbers.
     """
     try:
-        sx, sy = np.broadcast_to(np.asarray(size, dtype=float), (2,))
-    except ValueError:
-        raise TerrainError(f"size is {size}; give one number or two (x, y), in metres") from None
+        sx, sy = np.broadcast_to(floats(size), (2,))
+    except (TypeError, ValueError, OverflowError):
+        raise TerrainError(f"size is {size!r:.40}; give one number or two (x, y), in metres") from None
     positive(size=float(min(sx, sy)))
     return span((-sx / 2, sx / 2), (-sy / 2, sy / 2), spacing)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ...errors import TerrainError
 from ..heightfield import Terrain
 from ..window import Interpolation
-from ._grid import centred, positive
+from ._grid import centred, finite, positive
 
 Array = NDArray[np.float64]
 
@@ -65,6 +65,7 @@ def mars(
     Raises:
         TerrainError: a value outside its range.
     """
+    finite(crater_density=crater_density)
     if not 0 <= crater_density < 1:
         raise TerrainError(f"crater_density is {crater_density}; give 0 (none) to 1 (saturated is 0.08)")
     positive(smallest_crater=smallest_crater)
@@ -111,6 +112,7 @@ def fractal(
     Raises:
         TerrainError: a value outside its range.
     """
+    finite(hurst=hurst, rms_slope=rms_slope)
     if not 0 < hurst < 1:
         raise TerrainError(f"hurst is {hurst}; give a number between 0 and 1 (Mars: 0.5 to 0.8)")
     if not 0 <= rms_slope < math.pi / 2:
@@ -216,6 +218,7 @@ def golombek_rocks(
     """
     from scipy.spatial import cKDTree
 
+    finite(k=k)
     if not 0 < k <= 0.4:
         raise TerrainError(f"k is {k}; give an area fraction between 0 and 0.4 (Mars: 0.05 to 0.2)")
     positive(smallest=smallest, largest=largest)

@@ -103,6 +103,7 @@ def plane(
     Raises:
         TerrainError: a slope of π/2 or more, or a value outside its range.
     """
+    finite(slope=slope)
     if not abs(slope) < math.pi / 2:
         raise TerrainError(f"slope is {slope} rad; a height field needs less than a quarter turn ({math.pi / 2:.4f})")
     s, x, y = _along(size, spacing, aspect)
@@ -138,7 +139,7 @@ def ramp(
     Raises:
         TerrainError: slope and height of different sign or 0, a vertical ramp, or a value outside its range.
     """
-    finite(start=start)
+    finite(slope=slope, height=height, start=start)
     if not (0 < abs(slope) < math.pi / 2 and slope * height > 0):
         raise TerrainError(
             f"a ramp of {slope} rad cannot reach {height} m: give both above 0 or both below 0, and a slope of less than a "
@@ -315,6 +316,7 @@ def _hinge(s: Array, corner: float) -> Array:
 
     The rounding within ±corner is two cubics; the result is twice continuously differentiable, or sharp if corner is 0.
     """
+    finite(corner=corner)
     if not 0 <= corner < math.inf:
         raise TerrainError(f"corner is {corner} m; give 0 (sharp) or more")
     if corner == 0:
