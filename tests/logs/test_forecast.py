@@ -283,6 +283,11 @@ def wrong(**changes):
         (wrong(distance=np.arange(40.0)[::-1]), "decreases"),
         (wrong().drop_vars("distance"), "distance"),
         (wrong(distance=1e3 * made(walk(1, 10))["distance"].values), "distance in metres"),
+        (wrong().drop_vars("slip"), "no slip"),
+        (wrong().isel(row=slice(0, 0)), "no rows"),
+        (wrong(slip=np.full(40, "0.2 or so")), "of type"),
+        (wrong(along=np.full(40, 15.0)), "sine of the slope"),
+        ([0.1, 0.2], "not a Dataset"),
     ],
 )
 def test_wrong_logs_give_a_sentence(rover, log, says):
@@ -290,7 +295,18 @@ def test_wrong_logs_give_a_sentence(rover, log, says):
         rb.forecast_slip(rover, None, log)
 
 
-@pytest.mark.parametrize("arguments", [{"limit": 1.5}, {"threshold": 0.0}, {"quantiles": (0.9, 0.1)}, {"every": -1.0}])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"limit": 1.5},
+        {"limit": "0.8"},
+        {"threshold": 0.0},
+        {"quantiles": (0.9, 0.1)},
+        {"quantiles": 0.5},
+        {"every": -1.0},
+        {"every": None},
+    ],
+)
 def test_wrong_arguments_give_a_sentence(rover, arguments):
     with pytest.raises(rb.RockerbogieError, match="give"):
         rb.forecast_slip(rover, None, made(walk(1, 10)), **arguments)

@@ -104,7 +104,7 @@ def test_wrong_calls_give_a_sentence(maps, rover):
         planned(maps.drop_vars("pitch"), rover, slip=rb.SlipCost(SAND))
     with pytest.raises(rb.RockerbogieError, match="SlipCost"):
         planned(maps, rover, slip=SAND)
-    for wrong in ({"limit": 1.2}, {"risk": 0.0}, {"minimise": "cost"}, {"resistance": 12.0}):
+    for wrong in ({"limit": 1.2}, {"limit": "0.8"}, {"risk": 0.0}, {"minimise": "cost"}, {"resistance": 12.0}):
         with pytest.raises(rb.RockerbogieError, match="give"):
             rb.SlipCost(SAND, **wrong)
     with pytest.raises(rb.RockerbogieError, match="soil"):

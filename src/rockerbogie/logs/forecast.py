@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arrays import Array
+from ..arrays import Array, is_number
 from ..errors import RockerbogieError, expect
 from ..files.version import __version__
 from ..rover.model import LOAD_ROVER, Rover
@@ -159,13 +160,15 @@ def slip_log_of(log: str | Path | xr.Dataset, rover: Rover) -> xr.Dataset:
 
 def _check(limit: float, threshold: float, quantiles: tuple[float, ...], every: float) -> None:
     """Raise RockerbogieError if an argument is out of range."""
+    if not isinstance(quantiles, Sequence) or isinstance(quantiles, str):
+        raise RockerbogieError(f"quantiles are {quantiles!r:.60}; give a tuple of numbers between 0 and 1")
     for name, value in (("limit", limit), ("threshold", threshold), *(("a quantile", q) for q in quantiles)):
-        if not 0 < value < 1:
-            raise RockerbogieError(f"{name} is {value}; give a number between 0 and 1")
+        if not (is_number(value) and 0 < value < 1):
+            raise RockerbogieError(f"{name} is {value!r:.60}; give a number between 0 and 1")
     if list(quantiles) != sorted(set(quantiles)):
         raise RockerbogieError(f"quantiles are {quantiles}; give them in ascending order, each once")
-    if not every > 0:
-        raise RockerbogieError(f"every is {every}; give a distance above 0, in metres")
+    if not (is_number(every) and every > 0):
+        raise RockerbogieError(f"every is {every!r:.60}; give a distance above 0, in metres")
 
 
 def _forecast_rows(distance: Array, slip: Array, every: float) -> Any:

@@ -118,28 +118,44 @@ def arrange_slip_log(log: xr.Dataset) -> xr.Dataset:
     Raises:
         RockerbogieError: a variable is missing, not finite or out of range; time or distance decreases.
     """
+    import xarray as xr
+
+    expect(log, xr.Dataset, "log", "give the path of a log, or what rockerbogie.read_slip_log returns")
+    missing_names = [name for name in ("time", "distance", "slip") if name not in log.variables]
+    if missing_names:
+        raise RockerbogieError(
+            f"the slip log has no {', '.join(missing_names)}: it needs time (s), distance (wheel travel, m) and slip"
+        )
     for name in ("time", "distance", "slip"):
-        if name not in log.variables:
-            raise RockerbogieError(f"the slip log has no {name}: it needs time (s), distance (wheel travel, m) and slip")
         if log[name].ndim != 1 or log[name].dims != log["slip"].dims:
             raise RockerbogieError(f"{name} in the slip log lies over {log[name].dims}: give one value a row")
     (dim,) = log["slip"].dims
-    values: dict[str, Any] = {name: np.asarray(log[name].to_numpy(), dtype=float) for name in ("time", "distance", "slip")}
+    values: dict[str, Any] = {name: _floats(log, name) for name in ("time", "distance", "slip")}
     missing = np.full(len(values["slip"]), np.nan)
-    values |= {name: np.asarray(log[name].to_numpy(), dtype=float) if name in log else missing for name in ("along", "across")}
+    values |= {name: _floats(log, name) if name in log.variables else missing for name in ("along", "across")}
     values["from_position"] = np.asarray(log["from_position"].to_numpy() if "from_position" in log else missing == 0, dtype=bool)
     for name in ("x", "y", "yaw", "heading"):
         if name in log.variables:
-            values[name] = np.asarray(log[name].to_numpy(), dtype=float)
+            values[name] = _floats(log, name)
     if all(name in values for name in ("x", "y", "yaw")):
         values.setdefault("heading", np.ones(len(values["slip"])))
     return _dataset(values, str(log.attrs.get("log", dim)))
+
+
+def _floats(log: xr.Dataset, name: str) -> Array:
+    """Return a variable of a slip log as floats, or raise."""
+    try:
+        return np.asarray(log[name].to_numpy(), dtype=float)
+    except (TypeError, ValueError):
+        raise RockerbogieError(f"{name} in the slip log is of type {log[name].dtype}: give numbers") from None
 
 
 def _dataset(values: dict[str, Any], name: str) -> xr.Dataset:
     """Return the Dataset of a log after the checks that all kinds share."""
     import xarray as xr
 
+    if not len(values["slip"]):
+        raise RockerbogieError(f"{name} has no rows: there is nothing to fit")
     for key in ("time", "distance"):
         column = values[key]
         if not np.isfinite(column).all() or (np.diff(column) < 0).any():
@@ -156,6 +172,10 @@ def _dataset(values: dict[str, Any], name: str) -> xr.Dataset:
     beyond = np.flatnonzero((slip < -1) | (slip > 1))
     if len(beyond):
         raise RockerbogieError(f"{name}: slip is {slip[beyond[0]]:.4g} in row {beyond[0] + 1}, beyond 1: divide percent by 100")
+    for key in ("along", "across"):
+        if (np.abs(values[key]) > 1).any():
+            worst = np.nanmax(np.abs(values[key]))
+            raise RockerbogieError(f"{name}: {key} is up to {worst:.4g}: give the sine of the slope, which is within ±1")
     units = {"time": "s", "distance": "m", "x": "m", "y": "m", "yaw": "rad"}
     data = {key: ("row", column, {"units": units.get(key, "1")}) for key, column in values.items()}
     return xr.Dataset(data, {"row": 1 + np.arange(len(slip))}, {"log": name})

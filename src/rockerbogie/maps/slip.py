@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Array
+from ..arrays import Array, is_number
 from ..errors import RockerbogieError, expect
 from ..motion.soil_slip import SoilSlip
 
@@ -40,12 +40,14 @@ class SlipCost:
     def __post_init__(self) -> None:
         expect(self.soil, SoilSlip, "soil", "give the curve or at_end of a fit_soil, or SoilSlip.from_json")
         for name, value in (("slip limit", self.limit), ("slip risk", self.risk)):
-            if not 0 < value < 1:
-                raise RockerbogieError(f"the {name} is {value}; give a number between 0 and 1")
+            if not (is_number(value) and 0 < value < 1):
+                raise RockerbogieError(f"the {name} is {value!r:.60}; give a number between 0 and 1")
         if self.minimise not in ("time", "energy"):
             raise RockerbogieError(f"minimise is {self.minimise!r}; give 'time' or 'energy'")
-        if not (np.isfinite(self.resistance) and 0 < self.resistance < 1):
-            raise RockerbogieError(f"resistance is {self.resistance}; give a fraction of the weight between 0 and 1, such as 0.1")
+        if not (is_number(self.resistance) and 0 < self.resistance < 1):
+            raise RockerbogieError(
+                f"resistance is {self.resistance!r:.60}; give a fraction of the weight between 0 and 1, such as 0.1"
+            )
 
 
 class SlipStates(NamedTuple):

@@ -19,6 +19,12 @@ def tilted(degrees: float, interpolation: str = "cubic") -> rb.Terrain:
     return rb.Terrain.from_array(np.add.outer(rise, np.zeros(41)), spacing=1.0, interpolation=interpolation, name="slope")  # type: ignore[arg-type]
 
 
+def rates(rate: float) -> xr.Dataset:
+    """Return commands of one wheel rate, rad/s, for 10 s."""
+    values = {"wheel_rate": (("time", "wheel"), np.full((2, 6), rate)), "steering": (("time", "wheel"), np.zeros((2, 6)))}
+    return xr.Dataset(values, {"time": [0.0, 10.0]})
+
+
 @pytest.fixture(scope="module")
 def rover() -> rb.Rover:
     """Return Curiosity."""
@@ -197,6 +203,10 @@ def test_records_are_a_subset_of_all_steps(rover: rb.Rover) -> None:
         ({"step": -1.0}, "step is -1.0"),
         ({"step": 1e-9}, "give a longer step"),
         ({"friction": [0.5, 0.6], "start": np.zeros((3, 3))}, "do not broadcast"),
+        ({"friction": []}, "no drive"),
+        ({"start": np.zeros((0, 3))}, "no drive"),
+        ({"commands": rates(100.0)}, "deg/s"),
+        ({"friction": None, "soil": "dry-sand", "grousers": 10.0}, "grouser height is 10 m; it must be from 0 to 1 m"),
     ],
 )
 def test_wrong_calls_raise_a_sentence(rover: rb.Rover, changes: dict[str, object], text: str) -> None:

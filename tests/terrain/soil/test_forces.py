@@ -132,6 +132,7 @@ def test_impossible_soils_are_refused(change: dict[str, object], words: str) -> 
         ({"grousers": -0.01}, "grouser height"),
         ({"passes": 0}, "passes is 0"),
         ({"passes": 1.5}, "passes is 1.5"),
+        ({"passes": np.nan}, "passes is nan"),
         ({"slip": [0.1, 0.2], "load": [1.0, 2.0, 3.0]}, "broadcast"),
         ({"load": "heavy"}, "must be numbers"),
         ({"soil": "dry-sand"}, "load_soil"),

@@ -106,8 +106,6 @@ def predict(
     field = check_gravity(gravity)
     if not (is_number(speed) and speed > 0):
         raise PathError(f"speed is {speed!r:.60} m/s; give one above 0 (to drive backwards, give a path whose yaw points back)")
-    if speed > FASTEST:
-        raise PathError(f"speed is {speed:g} m/s; the motion is quasi-static, give at most {FASTEST:g} (is it in mm/s?)")
     if step is None:
         step = STEP_SHARE * float(rover.wheel_radius.min())
     for name, value in (("step", step), ("record", step if record is None else record)):
@@ -119,6 +117,11 @@ def predict(
     mu, grip = _force_law(rover, friction, soil, field, grousers, ruts)
     limits = _torque(rover, torque)
     packed = pack_commands(rover, commands, float(speed), float(step))
+    if packed.fastest.max() > FASTEST:
+        raise PathError(
+            f"the fastest wheel is commanded to roll at {packed.fastest.max():g} m/s; the motion is quasi-static, give at most "
+            f"{FASTEST:g} m/s (is a speed in mm/s, or a wheel rate in deg/s?)"
+        )
     first = _start(start, commands)
     try:
         shape = np.broadcast_shapes(first.shape[:-1], packed.shape, mu.shape, grip.shape)
@@ -128,6 +131,8 @@ def predict(
             f"{grip.shape} soils do not broadcast together"
         ) from None
     size = int(np.prod(shape))
+    if size == 0:
+        raise RockerbogieError(f"start of shape {first.shape} and friction of shape {mu.shape} give no drive: give one or more")
     first = np.ascontiguousarray(np.broadcast_to(first, (*shape, 3))).reshape(size, 3)
     mu = np.ascontiguousarray(np.broadcast_to(mu, shape)).reshape(size)
     soil_of = np.ascontiguousarray(np.broadcast_to(np.arange(len(grip.table_of)).reshape(grip.shape), shape)).reshape(size)

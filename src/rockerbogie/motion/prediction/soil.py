@@ -55,10 +55,7 @@ def soil_tables(
     if not laws:
         raise RockerbogieError("soil is an empty list: give names of soils (rockerbogie.soils()) or laws")
     if not (grousers is None or isinstance(grousers, Grousers)):
-        try:
-            grousers = Grousers(float(grousers))
-        except (TypeError, ValueError):
-            raise RockerbogieError(f"grouser height is {grousers!r:.60}; give m, one number") from None
+        grousers = Grousers(grousers)
     weight = rover.mass * gravity
     tables: list[Array] = []
     table_of = np.empty((len(laws), 6), dtype=np.int64)

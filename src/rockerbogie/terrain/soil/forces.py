@@ -115,7 +115,7 @@ def wheel_soil_forces(
         raise RockerbogieError(f"{', '.join(names)} must be numbers of shapes that broadcast") from None
     shape = spread[0].shape
     laws, which = _laws(law, field, lugs, arrays, shape)
-    flat = [np.ascontiguousarray(part, dtype=float).ravel() for part in spread[2:5]]
+    flat = [np.array(part, dtype=float).ravel() for part in spread[2:5]]  # copies, as broadcast views are read-only
     n = flat[0].size
     out, status = np.empty((n, lay.OUTPUTS)), np.empty(n, dtype=np.uint8)
     parallel_for(kernel.forces_batch, n, laws, which, *flat, out, status)
@@ -125,7 +125,7 @@ def wheel_soil_forces(
 
 def _whole(value: float) -> int:
     """Return a number of passes; raise an error if it is not whole."""
-    if value != int(value):
+    if not (np.isfinite(value) and value == int(value)):
         raise RockerbogieError(f"passes is {value:g}: give 1 for undisturbed soil, 2 for the second wheel in a rut, ...")
     return int(value)
 
