@@ -1,7 +1,8 @@
 """Balance residual of a rover's wheel forces, and its Jacobian.
 
-Unknowns are the rates w of x, y and yaw and one number ζ a contact. Load and lift rate are n = (ζ + √(ζ² + 4 σ²)) / 2 over the
-weight and (√(ζ² + 4 σ²) − ζ) / 2 times the reference speed. Their product is σ²: for σ → 0 a wheel is either loaded or lifts.
+Unknowns are the rates w of x, y and yaw and one number a of each contact. The load is n = (a + √(a² + 4 σ²)) / 2 times the
+weight, and the lift rate is u = (√(a² + 4 σ²) − a) / 2 times the reference speed. Their product n u is σ²: for σ → 0 a wheel is
+either loaded or lifts.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ class Law(NamedTuple):
 class Motion(NamedTuple):
     """Work arrays of the solve; `z` starts the next one."""
 
-    z: Array  # (9,) unknowns: w, m/s and rad/s, and ζ
+    z: Array  # (9,) unknowns: w, m/s and rad/s, and a
     y: Array  # (9,) w and lift rates
     load: Array  # (6,) over the weight
     force: Array  # (6, ROW) of the laws
@@ -50,7 +51,7 @@ class Motion(NamedTuple):
     step: Array  # (9,)
     trial: Array  # (9,)
     kept: Array  # (9,)
-    slope: Array  # (6, 2) of load and lift rate by ζ
+    slope: Array  # (6, 2) of load and lift rate by a
     scale: Array  # (1,) slip scale of the solution over the reference speed
     scratch: Array  # (20 + SPACE,) of the tables
     dual: Array  # (6, DUAL_SIZE) directions of friction (`coulomb`)
