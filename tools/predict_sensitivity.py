@@ -1,4 +1,4 @@
-"""Measure how far one predicted drive over rocks can be trusted, and write the tables of docs/prediction.md.
+"""Measure how far a predicted drive can be trusted; write the table of docs/prediction.md.
 
     python tools/predict_sensitivity.py [--write]
 
@@ -54,7 +54,7 @@ def shown(case: str, step: float, values: Array) -> str:
 
 
 def solutions(rover: rb.Rover, ground: rb.Terrain, start: Array, step: float) -> tuple[int, int]:
-    """Return the number of stations, and of those at which a rover at rest starts with another motion."""
+    """Return the number of stations, and of those where a rover at rest gets another motion."""
     run = drive(rover, ground, start, constant_rates(rover, LENGTH), step, step)
     names = ("x_rate", "y_rate", "yaw_rate")
     place, rates = (np.stack([np.asarray(run[name]).ravel() for name in group], axis=-1) for group in (("x", "y", "yaw"), names))
@@ -89,7 +89,7 @@ def main() -> None:
     text += "\n".join(rows) + "\n"
     for step in STEPS:
         stations, others = solutions(rover, rocks, start, step)
-        text += f"\nWith steps of {step:g} m and constant rates, {others} of {stations:,} stations have a second balance.\n"
+        text += f"\nStations with a second balance, with constant rates and steps of {step:g} m: {others} of {stations:,}.\n"
     print(text)
     if "--write" in sys.argv:
         page = PAGE.read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Settling from a nearby pose: contacts are tracked, then the whole treads are searched."""
+"""Settling from a nearby pose: tracked contacts, and searches of whole treads."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ TRACKED_GAP = 1e-8  # m: a gap at the end of a solve whose treads are not search
 
 @njit
 def settle_near(
-    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, search: bool, work: Work
+    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, anew: bool, search: bool, work: Work
 ) -> bool:
     """Solve for six zero gaps by Newton's method from a pose nearby.
 
@@ -38,6 +38,7 @@ def settle_near(
         x, y: m, the body's origin from the map's first node.
         cy, sy: cos and sin of yaw.
         q: (6,) start, replaced by the pose.
+        anew: True if contacts may have left their cells: on bilinear terrain, whole treads are searched first.
         search: True to search the whole treads at the end; False to rely on the tracked contacts.
         work: work.touch holds the contacts near the pose, work.hub_offsets the steering; touch, wheels, axes and pivots are
             left at the pose.
@@ -48,7 +49,7 @@ def settle_near(
     grid, _, meta = ground
     axes, pivots, wheels, rows, step, touch = work.axes, work.pivots, work.wheels, work.rows, work.step, work.touch
     cubic = meta[META_CUBIC] != 0.0
-    whole, steps, searches = False, 0, 0
+    whole, steps, searches = anew and not cubic, 0, 0
     most = CONVERGED_GAP if search else TRACKED_GAP
     while steps <= TRACKED and searches < SEARCHES:
         if not forward_kinematics(rover, work.hub_offsets, x, y, cy, sy, q, axes, pivots, wheels):

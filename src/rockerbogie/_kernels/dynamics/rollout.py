@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..jit.decorators import njit
 from ..jit.raw_views import unowned_view
-from ..model.ground import META_X, META_Y, META_Z, Ground, borrow
+from ..model.ground import META_CUBIC, META_X, META_Y, META_Z, Ground, borrow
 from ..model.linkage import P_RADIUS, Z, set_hub_offsets
 from ..model.mass import centre_of_mass
 from ..model.wheel import CONTACT_SIZE
@@ -51,7 +51,6 @@ R_WORK, R_LOSS, R_HEIGHT = 78, 79, 80  # J done by the motors, J dissipated, m o
 R_STEPS = 81  # Newton steps of the balance
 R_SCALE = 82  # slip scale of the friction law over the reference speed
 R_SIZE = 83
-
 
 DEEPEST = 12  # halvings of a step
 RETRIES = 4  # halvings of a step without a solution, where no tolerance is given
@@ -163,13 +162,14 @@ def command_rims(s: Station, rover: Array, command: Array, cy: float, sy: float,
 
 @njit
 def evaluate(
-    ground: Ground, rover: Array, search: bool, command: Array, drive: Drive, work: Work, s: Station, m: Motion, state: State
-) -> tuple[int, int]:
+    ground: Ground, rover: Array, anew: bool, search: bool, command: Array, drive: Drive, work: Work, s: Station, m: Motion,
+    state: State,
+) -> tuple[int, int]:  # fmt: skip
     """Settle a pose and solve for its motion.
 
     Args:
         ground, rover: the packed terrain and rover.
-        search: True to search the whole treads, and to compute the links' rates for a record.
+        anew, search: as for `settle_near`; search also fills the height, checks joint limits and prepares a record.
         command: (C_SIZE,).
         drive: settings.
         work: contacts nearby; work.hub_offsets holds the steering.
@@ -180,7 +180,7 @@ def evaluate(
         CONVERGED, another status code, NO_BALANCE or OVERLOADED; number of Newton steps of the balance.
     """
     x, y, cy, sy = state.place[0], state.place[1], math.cos(state.place[2]), math.sin(state.place[2])
-    if math.isnan(state.q[Z]) or not settle_near(ground, rover, x, y, cy, sy, state.q, search, work):
+    if math.isnan(state.q[Z]) or not settle_near(ground, rover, x, y, cy, sy, state.q, anew, search, work):
         code, _ = settle_contact(ground, rover, x, y, cy, sy, 0, state.q, work)
         if math.isnan(state.q[Z]):
             return code, 0
@@ -233,7 +233,7 @@ def runge_kutta(
     Returns:
         CONVERGED, or the code of the stage without a solution; `place` is then that stage's.
     """
-    kept, total = state.kept, state.total
+    kept, total, cubic = state.kept, state.total, ground[2][META_CUBIC] != 0.0
     total[:3], total[3:] = state.w, state.power
     for stage in range(3):
         share = 1.0 if stage == 2 else 0.5
@@ -242,7 +242,7 @@ def runge_kutta(
         if stage != 1:  # from the pose before, by its rates
             for j in range(6):
                 state.q[j] += 0.5 * span * state.rates[j]
-        code, _ = evaluate(ground, rover, stage == 0, command, drive, work, s, m, state)
+        code, _ = evaluate(ground, rover, stage != 1, cubic and stage == 0, command, drive, work, s, m, state)
         if code != CONVERGED:
             return code
         times = 1.0 if stage == 2 else 2.0
@@ -274,9 +274,7 @@ def contact_motion(s: Station, m: Motion, i: int) -> tuple[float, float, float]:
 
 
 @njit
-def record(
-    rover: Array, steps: int, s: Station, m: Motion, state: State, meta: Array, out: Array
-) -> None:  # fmt: skip
+def record(rover: Array, steps: int, s: Station, m: Motion, state: State, meta: Array, out: Array) -> None:
     """Fill a record of a station; energies are filled by the caller.
 
     Args:
@@ -355,13 +353,14 @@ def predict_batch(
         code, steps = CONVERGED, 0
         for k in range(counts[c] + 1):
             command = all_commands[c, min(k, counts[c] - 1)]
-            fresh = k == 0
+            fresh = steered = k == 0
             if k > 0 and k < counts[c]:
                 for j in range(C_SIZE):
                     fresh |= command[j] != all_commands[c, k - 1, j]
+                    steered |= j >= C_STEERING and command[j] != all_commands[c, k - 1, j]
             if fresh:
                 set_hub_offsets(car, command[C_STEERING:], work.hub_offsets)
-                code, steps = evaluate(land, car, True, command, drive, work, s, m, state)
+                code, steps = evaluate(land, car, steered, steered, command, drive, work, s, m, state)
             if code == CONVERGED and (k % every == 0 or k == counts[c]):
                 at = (k + every - 1) // every
                 record(car, steps, s, m, state, meta, out[n, at])
@@ -373,7 +372,7 @@ def predict_batch(
                     keep(state, work, m)
                     code = runge_kutta(land, car, share, command, drive, work, s, m, state)
                     if code == CONVERGED:
-                        code, steps = evaluate(land, car, True, command, drive, work, s, m, state)
+                        code, steps = evaluate(land, car, True, True, command, drive, work, s, m, state)
                     gain = -s.weight[2] * (state.height[0] - kept[20])
                     error = abs(share / 6.0 * (state.total[3] - state.total[4]) - gain)
                     if worst < math.inf:
