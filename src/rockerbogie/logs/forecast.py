@@ -158,7 +158,7 @@ def slip_log_of(log: str | Path | xr.Dataset, rover: Rover) -> xr.Dataset:
     return read_slip_log(log, rover) if isinstance(log, str | Path) else arrange_slip_log(log)
 
 
-def _check(limit: float, threshold: float, quantiles: tuple[float, ...], every: float) -> None:
+def _check(limit: float, threshold: float, quantiles: Any, every: float) -> None:
     """Raise RockerbogieError if an argument is out of range."""
     if not isinstance(quantiles, Sequence) or isinstance(quantiles, str):
         raise RockerbogieError(f"quantiles are {quantiles!r:.60}; give a tuple of numbers between 0 and 1")
