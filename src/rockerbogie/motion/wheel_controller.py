@@ -124,7 +124,7 @@ class WheelController:
             rocker: rad.
             bogie: (2,) rad.
             contact_angle: (6,) rad, as of `Estimate`; default and NaN: those of a rover on its plane of wheels (0 on flat
-                terrain). A wheel's rate differs by at most 60 % from that on the plane.
+                terrain). They change rates only, each by at most 60 % of that on the plane; steering is that on the plane.
             effort: (6,) measured motor torques, forward positive, N·m; NaN where there is none. Default: no load sharing.
 
         Returns:
@@ -152,7 +152,8 @@ class WheelController:
         contact = np.where(np.isfinite(contact), contact, level) if contact_angle is not None else level
         moving = bool(np.abs(wanted).max() > STANDING)
         before = present if self._commanded is None else self._commanded
-        free = self._run(reading, contact, wanted, fixed=False)[0] if moving else before
+        # estimated contact angles are noise while the rover stands: steering by them, it would wait for ever
+        free = self._run(reading, level, wanted, fixed=False)[0] if moving else before
         target = np.clip(free, -self.steering_limit, self.steering_limit)
         error = target - present
         ahead = np.inf if dt is None else self.steering_rate_limit * dt
