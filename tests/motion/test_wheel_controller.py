@@ -210,7 +210,7 @@ def test_wrong_contact_angles_change_rates_by_a_bounded_share():
 
 @pytest.mark.parametrize("name", ["curiosity", "osr"])
 def test_contact_angles_that_are_noise_do_not_keep_the_rover_waiting(name):
-    """Turn on the spot from straight wheels: while the rover stands, estimated contact angles are noise."""
+    """Turn on the spot: while the rover stands, estimated contact angles are noise."""
     rover, rng = rb.load_rover(name), np.random.default_rng(3)
     controller, bogie = rb.WheelController(rover, steering_rate_limit=0.3), (0.1, -0.15)
     still = rb.WheelController(rover).command((0.0, 0.0, 0.1), rocker=0.05, bogie=bogie)

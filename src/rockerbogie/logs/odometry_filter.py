@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 #: Version of the saved state.
-VERSION = 1
+VERSION = 2
 
 
 class OdometryFilter:
@@ -139,7 +139,7 @@ class OdometryFilter:
         if self._track is None:
             self._smoothed = row
             self._begin(row)
-            self.estimate = self._estimate(row, None, self._track, *pose_of(self._track, track_noise(0.0, 0.0)))  # type: ignore[arg-type]
+            self.estimate = self._estimate(row, None, self._track, *pose_of(self._track, track_noise(self.rover, 0.0, 0.0)))  # type: ignore[arg-type]
             self.confirmed = (self.estimate,)
             rows.append(row)
             return self.estimate
@@ -288,7 +288,7 @@ class OdometryFilter:
         total = self._aided + self._unaided
         share = np.where(total > 0, self._unaided / np.where(total > 0, total, 1.0), ~has)
         before = track[at.T_LENGTH]
-        T, P, length = continue_track(track, track_noise(*share.tolist()), np.array([dt]), motion, attitude[None])
+        T, P, length = continue_track(track, track_noise(self.rover, *share.tolist()), np.array([dt]), motion, attitude[None])
         if keep:
             travelled = track[at.T_LENGTH] - before
             self._aided += np.where(has, travelled, 0.0)
@@ -331,8 +331,7 @@ class OdometryFilter:
             or_zero(row[STEERING : STEERING + 6]),
             float(or_zero(row[ROCKER])),
             or_zero(row[BOGIE : BOGIE + 2]),
-            float(length[0]),
-            float(length[1]),
+            *length.tolist(),
         )
 
 
