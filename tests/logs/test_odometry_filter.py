@@ -203,6 +203,13 @@ def test_the_tip_margin_is_near_that_of_the_settled_pose(rover, run):
         ({"wheel_rate": np.ones(6)}, None, 0.0, "greater than that of the last row"),
         ({"wheel_rate": np.ones(6)}, {"heading": 1.0}, 1.0, "may hold roll, pitch, yaw, gyro"),
         ({"wheel_angle": np.ones(6)}, None, 1.0, "changes between"),
+        ({"wheel_rate": np.full(6, 1e300)}, None, 1.0, "below 1e9"),
+        ({"wheel_rate": np.ones(6)}, None, 1e-300, "greater than that of the last row"),
+        ({"wheel_rate": np.ones(6)}, None, "now", "t is 'now'"),
+        ({"wheel_rate": np.ones(6)}, None, None, "t is None"),
+        (None, None, 1.0, "joints is None; give a dict"),
+        ([1, 2], None, 1.0, "joints is .*; give a dict"),
+        ({"wheel_rate": np.ones(6)}, np.zeros(3), 1.0, "imu is array.*; give a dict"),
     ],
 )
 def test_wrong_rows_are_refused(rover, joints, imu, t, message):
@@ -268,6 +275,35 @@ def test_a_rover_that_stands_is_not_doubted(rover):
     assert not made.estimate.doubted
 
 
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"window": True}, "window is True"),
+        ({"window": 10**9}, "window is 1000000000; .* 10,000"),
+        ({"joint_error": np.nan}, "joint_error is nan"),
+        ({"joint_error": "a"}, "joint_error is 'a'"),
+        ({"start": "abc"}, "start is 'abc'"),
+        ({"start": None}, "start is None"),
+        ({"soil": (0.5, 0.3)}, "SlopeSlip"),
+    ],
+)
+def test_wrong_options_are_refused(rover, options, message):
+    with pytest.raises(rb.RockerbogieError, match=message):
+        rb.OdometryFilter(rover, **options)
+
+
+def test_infinite_readings_count_as_missing(rover):
+    found = []
+    for missing in (np.inf, np.nan):
+        made = rb.OdometryFilter(rover)
+        for k in range(4):
+            joints = {"wheel_angle": np.full(6, 0.1 * k), "rocker": missing, "bogie": (missing, missing)}
+            made.update(0.1 * k, joints, {"roll": missing, "pitch": 0.0, "yaw": 0.0})
+        found.append(made.estimate)
+    assert np.array_equal(found[0].T, found[1].T)
+    assert np.isfinite(found[0].T).all()
+
+
 def test_wrong_states_are_refused(rover):
     state = rb.OdometryFilter(rover).state()
     with pytest.raises(rb.RockerbogieError, match="of rover 'curiosity', not of 'osr'"):
@@ -276,3 +312,8 @@ def test_wrong_states_are_refused(rover):
         rb.OdometryFilter.from_state(rover, {})
     with pytest.raises(rb.RockerbogieError, match="incomplete"):
         rb.OdometryFilter.from_state(rover, {k: v for k, v in state.items() if k != "rows"})
+    made = rb.OdometryFilter(rover)
+    made.update(0.0, {"wheel_angle": np.zeros(6)})
+    for wrong in ({"at": 5}, {"aided": [1.0]}, {"measured": [True]}, {"smoothed": [1.0]}, {"rows": made.state()["rows"] * 30}):
+        with pytest.raises(rb.RockerbogieError, match="incomplete or damaged"):
+            rb.OdometryFilter.from_state(rover, made.state() | wrong)

@@ -77,11 +77,11 @@ def weights_of(rover: Rover, slope: float, joint_error: float, soil: tuple[float
     return w
 
 
-def track_noise(rover: Rover, no_attitude: float, no_suspension: float) -> Array:
+def track_noise(wheelbase: float, no_attitude: float, no_suspension: float) -> Array:
     """Return the noise of a track as the kernels take it.
 
     Args:
-        rover: gives the wheelbase.
+        wheelbase: of the rover, m.
         no_attitude: share of the way without a measured attitude, 0 to 1.
         no_suspension: share of the way without suspension sensors, 0 to 1.
 
@@ -95,7 +95,7 @@ def track_noise(rover: Rover, no_attitude: float, no_suspension: float) -> Array
     # each wheel leaves the mean plane by its slope over the way on which slopes are alike; six of them carry the body, and the
     # height of the track is a difference of two such heights, at its end and at its start
     noise[at.N_HEIGHT] = 2.0 * (UNKNOWN_SLOPE * SLIP_LENGTH) ** 2 / 6.0
-    noise[at.N_DOUBT_LENGTH], noise[at.N_DOUBT] = DOUBT_LENGTH * rover.wheelbase, DOUBT
+    noise[at.N_DOUBT_LENGTH], noise[at.N_DOUBT] = DOUBT_LENGTH * wheelbase, DOUBT
     return noise
 
 

@@ -49,7 +49,7 @@ def integrate(
     """
     if z is not None and np.isfinite(z).any():
         start = (start[0], start[1], float(z[np.isfinite(z)][0]))
-    noise = track_noise(rover, float(s.lean is None), float(not s.has_suspension))
+    noise = track_noise(rover.wheelbase, float(s.lean is None), float(not s.has_suspension))
     state = new_track(start, s.attitude[0], motion.normal[0])
     first = pose_of(state, noise)
     later = continue_track(state, noise, np.diff(s.time), motion, s.attitude[1:], None if z is None else z[1:])

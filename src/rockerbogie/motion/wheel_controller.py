@@ -85,7 +85,17 @@ class WheelController:
             RockerbogieError: not a rover, a limit that is not above 0, or a gain or share out of its range.
         """
         expect(rover, Rover, "rover", LOAD_ROVER)
-        limit = np.array(np.broadcast_to(np.asarray(steering_limit, dtype=float), (6,)))
+        numbers = {
+            "wheel_rate_limit": wheel_rate_limit, "steering_rate_limit": steering_rate_limit, "aligned": aligned, "waiting": waiting,
+            "sharing_speed": sharing_speed, "sharing_limit": sharing_limit,
+        }  # fmt: skip
+        for name, value in numbers.items():
+            if not isinstance(value, (int, float, np.number)):
+                raise RockerbogieError(f"{name} is {value!r:.60}; give a number")
+        try:
+            limit = np.array(np.broadcast_to(np.asarray(steering_limit, dtype=float), (6,)))
+        except (TypeError, ValueError):
+            raise RockerbogieError(f"steering_limit is {steering_limit!r:.60}; give a number or six, rad") from None
         if not ((limit > 0).all() and wheel_rate_limit > 0 and steering_rate_limit > 0):
             raise RockerbogieError("steering_limit, wheel_rate_limit and steering_rate_limit must be above 0 (rad, rad/s)")
         if not 0 <= aligned < waiting:
@@ -135,7 +145,7 @@ class WheelController:
         """
         wanted = _finite("twist", twist, (6,), (3,))
         wanted = wanted[[0, 1, 5]] if wanted.shape == (6,) else wanted
-        if dt is not None and not dt > 0:
+        if dt is not None and not (isinstance(dt, (int, float, np.number)) and dt > 0):
             raise RockerbogieError(f"dt is {dt!r} s; give a time above 0, or None")
         if steering is not None:
             measured = _six("steering", steering)
