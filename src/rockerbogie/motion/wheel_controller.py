@@ -86,9 +86,13 @@ class WheelController:
         """
         expect(rover, Rover, "rover", LOAD_ROVER)
         numbers = {
-            "wheel_rate_limit": wheel_rate_limit, "steering_rate_limit": steering_rate_limit, "aligned": aligned, "waiting": waiting,
-            "sharing_speed": sharing_speed, "sharing_limit": sharing_limit,
-        }  # fmt: skip
+            "wheel_rate_limit": wheel_rate_limit,
+            "steering_rate_limit": steering_rate_limit,
+            "aligned": aligned,
+            "waiting": waiting,
+            "sharing_speed": sharing_speed,
+            "sharing_limit": sharing_limit,
+        }
         for name, value in numbers.items():
             if not isinstance(value, (int, float, np.number)):
                 raise RockerbogieError(f"{name} is {value!r:.60}; give a number")
