@@ -145,10 +145,9 @@ class OdometryFilter:
         row, self._by_rate = read_row(self.rover, t, joints, {} if imu is None else imu, before, self._by_rate)
         if self._track is None:
             self._smoothed = row
-            self._begin(row)
-            self.estimate = self._estimate(
-                row, None, self._track, *pose_of(self._track, track_noise(float(self._weights[at.W_WHEELBASE]), 0.0, 0.0))
-            )  # type: ignore[arg-type]
+            track = self._begin(row)
+            first = pose_of(track, track_noise(float(self._weights[at.W_WHEELBASE]), 0.0, 0.0))
+            self.estimate = self._estimate(row, None, track, *first)
             self.confirmed = (self.estimate,)
             rows.append(row)
             return self.estimate
@@ -266,15 +265,16 @@ class OdometryFilter:
         self._at, self._smoothed = self._at + 1, smoothed
         return found
 
-    def _begin(self, row: Array) -> None:
-        """Make the track at its first row."""
+    def _begin(self, row: Array) -> Array:
+        """Make the track at its first row, and return its state (T_SIZE,)."""
         reading = self._reading(row, row, row, row, 1.0)
         motion = interval_motion(self.rover, self._weights, reading)
         attitude = row[ATTITUDE : ATTITUDE + 3]
-        self._track = new_track(self._start, attitude, motion.normal[0])
+        self._track = track = new_track(self._start, attitude, motion.normal[0])
         self._measured = isfinite(attitude[0]) and isfinite(attitude[1]), isfinite(attitude[2])
         if self._measured[1]:
             self._yaw_offset = 0.0
+        return track
 
     def _reading(self, a: Array, b: Array, A: Array, B: Array, dt: float) -> Array:
         """Return the readings (1, R_SIZE) of the interval between rows a and b, smoothed A and B."""
