@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 
 import numpy as np
-from simulated_rover import PERIOD, REACHED, STEERING_RATE, SimulatedRover, angles
+from simulated_rover import REACHED, SimulatedRover, drive_by_odometry
 
 import rockerbogie as rb
 
@@ -31,28 +31,10 @@ def drive(name: str, seed: int, rocks: float, contact: bool, share: bool, legs: 
     """Return the error of the last position as a share of the distance."""
     size = rb.load_rover(name).wheelbase
     robot = SimulatedRover(name, seed, rocks, LEG * size)
-    speed, corner = SPEED * size, 0
-    odometer = rb.OdometryFilter(robot.rover, start=tuple(robot.position.tolist()))
-    controller = rb.WheelController(robot.rover, steering_rate_limit=STEERING_RATE)
-    for _ in range(round(4 * legs * LEG / SPEED / PERIOD)):
-        now = robot.read()
-        roll, pitch, yaw = angles(now.quaternion)
-        joints = {
-            "wheel_angle": now.wheel_angle, "steering": now.steering, "rocker": now.suspension[0], "bogie": now.suspension[1:]
-        }  # fmt: skip
-        estimate = odometer.update(now.time, joints, {"roll": roll, "pitch": pitch, "yaw": yaw})
-        if np.hypot(*(robot.corners[corner] - estimate.position[:2])) < REACHED * size / 2.26:
-            corner += 1
-            if corner == legs:
-                break
-        v, turn = robot.wanted(estimate.position[:2], yaw, corner, speed)
-        command = controller.command(
-            (v, 0.0, turn), dt=PERIOD, steering=now.steering, rocker=now.suspension[0], bogie=now.suspension[1:],
-            contact_angle=estimate.contact_angle if contact else None, effort=now.effort if share else None,
-        )  # fmt: skip
-        robot.move(command.wheel_rates, command.steering)
-    assert corner == legs, f"{name} on mars({seed}, k={rocks:g}) reached {corner} of {legs} corners"
-    return float(np.linalg.norm(estimate.position - robot.position)) / robot.length
+    limit = 4 * legs * LEG / SPEED
+    found = drive_by_odometry(robot, SPEED * size, legs, contact, share, REACHED * size / 2.26, limit)
+    assert found.corners == legs, f"{name} on mars({seed}, k={rocks:g}) reached {found.corners} of {legs} corners"
+    return found.error / robot.length
 
 
 def main() -> None:

@@ -81,6 +81,55 @@ class SimulatedRover:
         self.length += float(np.linalg.norm(self.position - before))
 
 
+@dataclass
+class Driven:
+    """Result of a drive by odometry."""
+
+    estimate: rb.Estimate  # the last one
+    corners: int  # reached
+    time: float  # simulated, s
+    error: float  # of the last position, m
+    doubted: float  # share of the distance of the track
+
+
+def drive_by_odometry(
+    robot: SimulatedRover, speed: float, legs: int, contact: bool, share: bool, reached: float, limit: float
+) -> Driven:
+    """Drive to corners by `WheelController` and `OdometryFilter`, without ROS.
+
+    Args:
+        robot: the rover.
+        speed: m/s.
+        legs: number of corners.
+        contact: use contact angles for the wheel rates.
+        share: share loads.
+        reached: distance at which a corner is reached, m.
+        limit: simulated time at which the drive ends, s.
+    """
+    odometer = rb.OdometryFilter(robot.rover, start=tuple(robot.position.tolist()))
+    controller = rb.WheelController(robot.rover, steering_rate_limit=STEERING_RATE)
+    corner, doubted, before = 0, 0.0, 0.0
+    while True:
+        now = robot.read()
+        roll, pitch, yaw = angles(now.quaternion)
+        rocker, bogie = now.suspension[0], now.suspension[1:]
+        joints = {"wheel_angle": now.wheel_angle, "steering": now.steering, "rocker": rocker, "bogie": bogie}
+        estimate = odometer.update(now.time, joints, {"roll": roll, "pitch": pitch, "yaw": yaw})
+        doubted += (estimate.distance_3d - before) * estimate.doubted
+        before = estimate.distance_3d
+        corner += bool(np.hypot(*(robot.corners[corner] - estimate.position[:2])) < reached)
+        if corner == legs or now.time >= limit:
+            break
+        v, turn = robot.wanted(estimate.position[:2], yaw, corner, speed)
+        command = controller.command(
+            (v, 0.0, turn), dt=PERIOD, steering=now.steering, rocker=rocker, bogie=bogie,
+            contact_angle=estimate.contact_angle if contact else None, effort=now.effort if share else None,
+        )  # fmt: skip
+        robot.move(command.wheel_rates, command.steering)
+    error = float(np.linalg.norm(estimate.position - robot.position))
+    return Driven(estimate, corner, now.time, error, doubted / max(before, 1e-9))
+
+
 def angles(quaternion: np.ndarray) -> tuple[float, float, float]:
     """Return roll, pitch and yaw, rad."""
     yaw, pitch, roll = Rotation.from_quat(quaternion).as_euler("ZYX")

@@ -68,6 +68,7 @@ def arrays(estimates, track):
     yield "side slip", np.stack([e.side_slip for e in later]), track["side_slip"].values[1:]
     yield "contact angle", np.stack([e.contact_angle for e in later]), track["contact_angle"].values[1:]
     yield "distance", np.array([e.distance_3d for e in estimates]), track["distance_3d"].values
+    yield "slip share", np.array([e.slip_share for e in estimates]), track["slip_share"].values
 
 
 @pytest.mark.parametrize(
@@ -202,6 +203,13 @@ def test_the_tip_margin_is_near_that_of_the_settled_pose(rover, run):
         ({"wheel_rate": np.ones(6)}, None, 0.0, "greater than that of the last row"),
         ({"wheel_rate": np.ones(6)}, {"heading": 1.0}, 1.0, "may hold roll, pitch, yaw, gyro"),
         ({"wheel_angle": np.ones(6)}, None, 1.0, "changes between"),
+        ({"wheel_rate": np.full(6, 1e300)}, None, 1.0, "below 1e9"),
+        ({"wheel_rate": np.ones(6)}, None, 1e-300, "greater than that of the last row"),
+        ({"wheel_rate": np.ones(6)}, None, "now", "t is 'now'"),
+        ({"wheel_rate": np.ones(6)}, None, None, "t is None"),
+        (None, None, 1.0, "joints is None; give a dict"),
+        ([1, 2], None, 1.0, "joints is .*; give a dict"),
+        ({"wheel_rate": np.ones(6)}, np.zeros(3), 1.0, "imu is array.*; give a dict"),
     ],
 )
 def test_wrong_rows_are_refused(rover, joints, imu, t, message):
@@ -212,6 +220,90 @@ def test_wrong_rows_are_refused(rover, joints, imu, t, message):
     made.update(2.0, {"wheel_rate": np.ones(6)})
 
 
+def stuck(run, at, rows, spread):
+    """Return a log whose rover stands for `rows` rows from row `at` on while its wheels turn."""
+    index = np.concatenate([np.arange(at), np.full(rows, at), np.arange(at, run.sizes["time"])])
+    log = run[[*BASE, "roll", "pitch", "yaw", "x", "y", "z"]].isel(time=index)
+    step = float(run["time"][1] - run["time"][0])
+    log = log.assign_coords(time=step * np.arange(len(index)))
+    own = 1.0 + spread * np.array([1.0, -1.0, -1.0, 1.0, 1.0, -1.0])
+    log["wheel_rate"][at : at + rows] = run["wheel_rate"].values.mean() * own
+    return log
+
+
+@pytest.mark.parametrize("name", ["curiosity", "osr"])
+def test_wheels_that_spin_on_a_stuck_rover_are_doubted(name):
+    """Let all wheels turn at rates of their own for 2 m of rim while the rover stands."""
+    rover = rb.load_rover(name)
+    terrain = rb.surfaces.mars(seed=1, k=0.0)
+    run = rb.drive(rover, terrain, rb.Path.straight((0.0, 0.0), 0.0, 4.0), speed=0.05)
+    at, rows = run.sizes["time"] // 2, 200
+    log = stuck(run, at, rows, 0.5)
+    start = tuple(float(log[k][0]) for k in "xyz")
+    found = fed(rb.OdometryFilter(rover, start=start), log)
+    doubted = np.array([e.doubted for e in found])
+    true = np.stack([log[k].values for k in "xyz"], axis=-1)
+    error = np.linalg.norm([e.position for e in found] - true, axis=1)
+    sigma = np.array([np.sqrt(np.linalg.eigvalsh(e.pose_covariance[:3, :3])[-1]) for e in found])
+    assert error[at + rows - 1] > 1.0, "the wheels roll 2 m"
+    first, last = np.flatnonzero(doubted)[[0, -1]]
+    step = np.linalg.norm(found[at + 20].position - found[at + 10].position) / 10.0
+    assert at <= first <= at + 0.25 * rover.wheelbase / step, "within a quarter wheelbase of rim"
+    assert doubted[first : at + rows].all()
+    assert last <= at + rows + 1.5 * rover.wheelbase / step, "the slip before is forgotten"
+    assert (error < 2.0 * sigma + 0.25 * rover.wheelbase).all(), "until it is doubted, the displacement is believed"
+    assert error[-1] < 1.5 * sigma[-1] < 1.5 * 1.5 * error[-1]
+    track = quiet_odometry(rover, None, log.drop_vars(["x", "y", "z"]), start=start)
+    assert np.array_equal(track["pose_covariance"].values[-1], found[-1].pose_covariance)
+
+
+def test_equal_slip_of_all_wheels_is_not_doubted(rover):
+    """Let six wheels turn alike: the readings are those of a rover that drives over a plane."""
+    made = rb.OdometryFilter(rover)
+    level = dict.fromkeys(IMU[:3], 0.0)
+    for k in range(100):
+        made.update(0.1 * k, {"wheel_angle": np.full(6, 0.02 * k), "rocker": 0.0, "bogie": (0.0, 0.0)}, level)
+    assert made.estimate.slip_share < 1e-6
+    assert not made.estimate.doubted
+
+
+def test_a_rover_that_stands_is_not_doubted(rover):
+    made = rb.OdometryFilter(rover)
+    for k in range(10):
+        made.update(0.1 * k, {"wheel_angle": np.zeros(6)})
+    assert made.estimate.slip_share == 0.0
+    assert not made.estimate.doubted
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"window": True}, "window is True"),
+        ({"window": 10**9}, "window is 1000000000; .* 10,000"),
+        ({"joint_error": np.nan}, "joint_error is nan"),
+        ({"joint_error": "a"}, "joint_error is 'a'"),
+        ({"start": "abc"}, "start is 'abc'"),
+        ({"start": None}, "start is None"),
+        ({"soil": (0.5, 0.3)}, "SlopeSlip"),
+    ],
+)
+def test_wrong_options_are_refused(rover, options, message):
+    with pytest.raises(rb.RockerbogieError, match=message):
+        rb.OdometryFilter(rover, **options)
+
+
+def test_infinite_readings_count_as_missing(rover):
+    found = []
+    for missing in (np.inf, np.nan):
+        made = rb.OdometryFilter(rover)
+        for k in range(4):
+            joints = {"wheel_angle": np.full(6, 0.1 * k), "rocker": missing, "bogie": (missing, missing)}
+            made.update(0.1 * k, joints, {"roll": missing, "pitch": 0.0, "yaw": 0.0})
+        found.append(made.estimate)
+    assert np.array_equal(found[0].T, found[1].T)
+    assert np.isfinite(found[0].T).all()
+
+
 def test_wrong_states_are_refused(rover):
     state = rb.OdometryFilter(rover).state()
     with pytest.raises(rb.RockerbogieError, match="of rover 'curiosity', not of 'osr'"):
@@ -220,3 +312,8 @@ def test_wrong_states_are_refused(rover):
         rb.OdometryFilter.from_state(rover, {})
     with pytest.raises(rb.RockerbogieError, match="incomplete"):
         rb.OdometryFilter.from_state(rover, {k: v for k, v in state.items() if k != "rows"})
+    made = rb.OdometryFilter(rover)
+    made.update(0.0, {"wheel_angle": np.zeros(6)})
+    for wrong in ({"at": 5}, {"aided": [1.0]}, {"measured": [True]}, {"smoothed": [1.0]}, {"rows": made.state()["rows"] * 30}):
+        with pytest.raises(rb.RockerbogieError, match="incomplete or damaged"):
+            rb.OdometryFilter.from_state(rover, made.state() | wrong)

@@ -155,7 +155,14 @@ def test_a_rover_that_stops_keeps_its_steering():
         (lambda c: c.command(np.zeros(3), steering="ahead"), "steering is 'ahead'; give six numbers"),
         (lambda c: c.command(np.zeros(3), contact_angle="steep"), "contact_angle is 'steep'; give six numbers"),
         (lambda c: c.command(np.zeros(3), effort=[1, 2, [3]]), "effort is .*; give six numbers"),
+        (lambda c: c.command(np.zeros(3), dt="soon"), "dt is 'soon'"),
         (lambda c: rb.WheelController(c.rover, steering_limit=0.0), "above 0"),
+        (lambda c: rb.WheelController(c.rover, steering_limit="wide"), "steering_limit is 'wide'; give a number or six"),
+        (lambda c: rb.WheelController(c.rover, steering_limit=[1.0, 1.0, 1.0]), "give a number or six"),
+        (lambda c: rb.WheelController(c.rover, wheel_rate_limit="fast"), "wheel_rate_limit is 'fast'; give a number"),
+        (lambda c: rb.WheelController(c.rover, steering_rate_limit=None), "steering_rate_limit is None; give a number"),
+        (lambda c: rb.WheelController(c.rover, aligned="x"), "aligned is 'x'; give a number"),
+        (lambda c: rb.WheelController(c.rover, sharing_speed="x"), "sharing_speed is 'x'; give a number"),
         (lambda c: rb.WheelController(c.rover, aligned=0.2, waiting=0.1), "aligned"),
     ],
 )
@@ -204,9 +211,21 @@ def test_wrong_contact_angles_change_rates_by_a_bounded_share():
     rng, largest = np.random.default_rng(2), 0.0
     for _ in range(100):
         command = rb.WheelController(rover).command(twist, contact_angle=rng.uniform(-0.9, 0.9, 6))
-        if not command.waiting:
-            largest = max(largest, float(np.abs(command.wheel_rates / (command.speed_scale * plain) - 1).max()))
+        largest = max(largest, float(np.abs(command.wheel_rates / (command.speed_scale * plain) - 1).max()))
     assert 0.59 < largest <= 0.6 + 1e-12
+
+
+@pytest.mark.parametrize("name", ["curiosity", "osr"])
+def test_contact_angles_that_are_noise_do_not_keep_the_rover_waiting(name):
+    """Turn on the spot: while the rover stands, estimated contact angles are noise."""
+    rover, rng = rb.load_rover(name), np.random.default_rng(3)
+    controller, bogie = rb.WheelController(rover, steering_rate_limit=0.3), (0.1, -0.15)
+    still = rb.WheelController(rover).command((0.0, 0.0, 0.1), rocker=0.05, bogie=bogie)
+    for _ in range(100):
+        noise = rng.uniform(-0.9, 0.9, 6)
+        command = controller.command((0.0, 0.0, 0.1), dt=0.04, rocker=0.05, bogie=bogie, contact_angle=noise)
+    assert command.speed_scale == 1.0
+    assert_close(command.steering, still.steering, 1e-9, "rad", "the angles on the plane, reached at 0.012 rad a command")
 
 
 @pytest.mark.parametrize(

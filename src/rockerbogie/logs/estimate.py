@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from ..arrays import Array
 from ..rover.model import Rover
 from ..rover.rotations import euler_angles
+from .steps import DOUBT
 from .tip import tip_margin
 
 
@@ -28,6 +29,7 @@ class Estimate:
     bogie: Array  # (2,) rad
     distance: float  # horizontal length of the path, m
     distance_3d: float  # its length in three dimensions, m
+    slip_share: float  # RMS slip of the wheels against each other, as a share of their rim speed, over a quarter wheelbase
 
     @property
     def position(self) -> Array:
@@ -39,6 +41,14 @@ class Estimate:
         """Roll, pitch and yaw, rad; yaw in [-π, π]."""
         roll, pitch, yaw = euler_angles(self.T[:3, :3])
         return float(roll), float(pitch), float(yaw)
+
+    @property
+    def doubted(self) -> bool:
+        """True if the wheels contradict each other: the rover may be stuck (`slip_share` above 0.2).
+
+        The displacement meanwhile is part of the pose covariance, as if it had not happened.
+        """
+        return self.slip_share > DOUBT
 
     @property
     def tip_margin(self) -> float:

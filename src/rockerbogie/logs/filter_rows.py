@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import isfinite
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .._kernels.odometry import layout as at
-from ..arrays import Array
+from ..arrays import Array, is_number
 from ..errors import RockerbogieError
 from ..rover.model import Rover
 from .resolution import half_width, smooth
@@ -17,6 +18,8 @@ from .steps import turns
 
 #: Columns of a row. Those from `TURN` on are derived: rotation vector and heading, summed over the rows.
 WHEEL, STEERING, ROCKER, BOGIE, ATTITUDE, GYRO, TURN, TIME, SIZE = 0, 6, 12, 13, 15, 18, 21, 24, 25
+#: Shortest interval between rows, s; wheel angle, rad, or rate, rad/s, beyond which a reading is not one of a wheel.
+SHORTEST, MOST_TURNED = 1e-9, 1e9
 #: Sensors of a row by the names of a log: columns and length. Wheel angles take the columns of the rates.
 JOINTS = {
     "wheel_rate": (WHEEL, 6),
@@ -127,6 +130,8 @@ class Stretch:
         Returns:
             (SIZE,).
         """
+        if not self.reach:
+            return self.raw(k)
         index = np.arange(k - self.reach, k + self.reach + 1)
         last = self.newest
         rows = self.rows[np.where(index < 0, -index, np.where(index > last, 2 * last - index, index)) - self.base]
@@ -161,13 +166,15 @@ def read_row(
         by_rate: True if earlier rows hold wheel rates, False if they hold wheel angles, `None` for the first row.
 
     Returns:
-        (SIZE,) with NaN where there is no reading, and 0 in the derived columns; True if it holds wheel rates.
+        (SIZE,) with NaN where there is no finite reading, and 0 in the derived columns; True if it holds wheel rates.
 
     Raises:
         RockerbogieError: as `OdometryFilter.update`.
     """
     row = np.full(SIZE, np.nan)
     for given, known, what in ((joints, JOINTS, "joints"), (imu, IMU, "imu")):
+        if not isinstance(given, Mapping):
+            raise RockerbogieError(f"{what} is {given!r:.60}; give a dict of readings by name")
         unknown = given.keys() - known.keys()
         if unknown:
             raise RockerbogieError(f"{what} holds {min(unknown)!r}; it may hold {', '.join(known)}")
@@ -176,15 +183,18 @@ def read_row(
             if value is None:
                 continue
             try:
-                row[first : first + width] = value
+                row[first : first + width] = np.asarray(value, dtype=float)
             except (TypeError, ValueError):
                 raise RockerbogieError(f"{name} is {value!r:.60}; give {width} numbers") from None
+    row[np.isinf(row)] = np.nan
     rates = joints.get("wheel_angle") is None
-    if not np.isfinite(row[WHEEL : WHEEL + 6]).all():
-        raise RockerbogieError("joints holds neither wheel_angle nor wheel_rate of all six wheels, finite: give one of them")
+    if not (np.abs(row[WHEEL : WHEEL + 6]) < MOST_TURNED).all():
+        raise RockerbogieError(
+            "joints holds neither wheel_angle nor wheel_rate of all six wheels, finite and below 1e9: give one of them"
+        )
     if by_rate is not None and rates != by_rate:
         raise RockerbogieError("joints changes between wheel_angle and wheel_rate: give the one of the first row")
-    if not np.isfinite(t) or not t > before:
+    if not is_number(t) or not t - before > SHORTEST:
         raise RockerbogieError(f"t is {t!r} s; it must be greater than that of the last row")
     row[TIME] = t
     row[STEERING : STEERING + 6][~rover.steers] = 0.0 if np.isfinite(row[STEERING : STEERING + 6]).any() else np.nan
@@ -209,13 +219,14 @@ def interval_reading(a: Array, b: Array, A: Array, B: Array, dt: float, *, by_ra
     reading = np.full((1, at.R_SIZE), np.nan)
     r = reading[0]
     r[at.R_WHEEL : at.R_WHEEL + 6] = (middle if by_rate else rate)[WHEEL : WHEEL + 6]
-    r[at.R_STEERING : at.R_STEERING + 9] = 0.0  # steering, its rate up to the bogies: 0 where they are not measured
-    r[at.R_STEERING : at.R_STEERING + 6] = or_zero(middle[STEERING : STEERING + 6])
-    r[at.R_STEERING_RATE : at.R_STEERING_RATE + 6] = or_zero(rate[STEERING : STEERING + 6])
-    r[at.R_ROCKER : at.R_ROCKER + 3] = or_zero(middle[ROCKER : ROCKER + 3])
+    r[at.R_STEERING : at.R_STEERING + 6] = middle[STEERING : STEERING + 6]
+    r[at.R_STEERING_RATE : at.R_STEERING_RATE + 6] = rate[STEERING : STEERING + 6]
+    r[at.R_ROCKER : at.R_ROCKER + 3] = middle[ROCKER : ROCKER + 3]
+    measured = r[at.R_STEERING : at.R_ROCKER_RATE]
+    measured[np.isnan(measured)] = 0.0
     r[at.R_ROCKER_RATE : at.R_ROCKER_RATE + 3] = rate[ROCKER : ROCKER + 3]
     tilt, heading = middle[ATTITUDE : ATTITUDE + 2], middle[ATTITUDE + 2]
-    tilted, headed = bool(np.isfinite(tilt).all()), bool(np.isfinite(heading))
+    tilted, headed = isfinite(tilt[0]) and isfinite(tilt[1]), isfinite(heading)
     gyro = middle[GYRO : GYRO + 3]
     if tilted and headed:
         turn = rate[TURN : TURN + 3]

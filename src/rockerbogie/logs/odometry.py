@@ -87,8 +87,10 @@ def odometry(
     Returns:
         Dataset over `time`: `x y z roll pitch yaw` (m, rad); `distance` (horizontal) and `distance_3d`, m. For the interval
         that ends at each time: `twist` (time, component), `contact_angle`, `roll_slip`, `side_slip` (time, wheel);
-        `twist_covariance` (body frame) and `pose_covariance` (position and rotation about fixed axes), both 6 x 6. A
-        `LogWarning` is issued if sensors are missing or disagree; `attrs["warnings"]` lists them.
+        `twist_covariance` (body frame) and `pose_covariance` (position and rotation about fixed axes), both 6 x 6.
+        `slip_share`: RMS slip of the wheels against each other, as a share of their rim speed; above 0.2, the displacement is
+        doubted and part of the covariance. A `LogWarning` is issued if sensors are missing or disagree; `attrs["warnings"]`
+        lists them.
 
     Raises:
         RockerbogieError: a log without wheel sensors, of fewer than two rows, with missing values, or whose shapes do not fit.
@@ -100,14 +102,14 @@ def odometry(
         raise RockerbogieError("soil= needs the slope, and the log has no roll and pitch: leave it out")
     slopes = (0.0, 0.0) if soil is None else (soil.along, soil.across)
     motion = interval_motion(rover, weights_of(rover, UNKNOWN_SLOPE, s.joint_error, slopes), s.packed())
-    path, used = integrate(s, motion, start), s
+    path, used = integrate(rover, s, motion, start), s
     weights = weights_of(rover, MAPPED_SLOPE, s.joint_error, slopes)
     for _ in range(MAP_ROUNDS if ground is not None else 0):
         assert ground is not None
         before = path.T[:, :2, 3]
         used, z = _on_map(rover, s, path.T, ground)
         motion = interval_motion(rover, weights, used.packed(), _climb(s, path.T, z, motion))
-        path = integrate(used, motion, start, z)
+        path = integrate(rover, used, motion, start, z)
         if np.hypot(*(path.T[:, :2, 3] - before).T).max() < SETTLED:
             break
     track = track_dataset(rover, used, path, motion)

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .._kernels.odometry import layout as at
-from ..arrays import Array
+from ..arrays import Array, is_number
 from ..errors import RockerbogieError, expect
 from ..rover.model import LOAD_ROVER, Rover
 from .channels import LogReport
 from .estimate import Estimate
-from .filter_rows import ATTITUDE, BOGIE, ROCKER, SIZE, STEERING, TIME, Stretch, interval_reading, or_zero, read_row
+from .filter_rows import ATTITUDE, BOGIE, SIZE, STEERING, TIME, Stretch, interval_reading, or_zero, read_row
 from .odometry import SlopeSlip
 from .readings import Readings
 from .steps import (
@@ -32,8 +33,10 @@ from .steps import (
 if TYPE_CHECKING:
     import xarray as xr
 
+#: Largest number of rows to smooth over.
+MOST_ROWS = 10_000
 #: Version of the saved state.
-VERSION = 1
+VERSION = 2
 
 
 class OdometryFilter:
@@ -68,12 +71,16 @@ class OdometryFilter:
             joint_error: error of the suspension's rates from the resolution of its sensors, rad/s.
 
         Raises:
-            RockerbogieError: not a rover, a window below 1, or a start that is not finite.
+            RockerbogieError: not a rover or soil, a window or an error out of its range, or a start that is not finite.
         """
         expect(rover, Rover, "rover", LOAD_ROVER)
-        if not (isinstance(window, (int, np.integer)) and window >= 1):
-            raise RockerbogieError(f"window is {window!r}; give the number of rows to smooth over, 1 for none")
-        if np.shape(start) != (3,) or not np.isfinite(start).all():
+        if isinstance(window, bool) or not (isinstance(window, (int, np.integer)) and 1 <= window <= MOST_ROWS):
+            raise RockerbogieError(f"window is {window!r}; give the number of rows to smooth over, 1 (none) to {MOST_ROWS:,}")
+        if not (is_number(joint_error) and joint_error >= 0):
+            raise RockerbogieError(f"joint_error is {joint_error!r:.60} rad/s; give a number of 0 or above")
+        if soil is not None:
+            expect(soil, SlopeSlip, "soil", "make one with rockerbogie.SlopeSlip(along, across)")
+        if not (isinstance(start, Iterable) and len(found := tuple(start)) == 3 and all(map(is_number, found))):
             raise RockerbogieError(f"start is {start!r}; give x, y, z in metres")
         self.rover = rover
         self.window, self.joint_error, self.soil = int(window), float(joint_error), soil
@@ -91,7 +98,7 @@ class OdometryFilter:
         self._aided, self._unaided = np.zeros(2), np.zeros(2)  # length with and without attitude, suspension sensors, m
         self._by_rate: bool | None = None
         self._yaw_offset = float("nan")  # of the track's heading to the measured one, rad
-        self._measured = np.zeros(2, dtype=bool)  # roll and pitch, yaw
+        self._measured = (False, False)  # roll and pitch, yaw
 
     @classmethod
     def for_log(
@@ -135,11 +142,12 @@ class OdometryFilter:
         """
         rows = self._rows
         before = float(rows.last[TIME]) if rows.count else -np.inf
-        row, self._by_rate = read_row(self.rover, t, joints, imu or {}, before, self._by_rate)
+        row, self._by_rate = read_row(self.rover, t, joints, {} if imu is None else imu, before, self._by_rate)
         if self._track is None:
             self._smoothed = row
-            self._begin(row)
-            self.estimate = self._estimate(row, None, self._track, *pose_of(self._track, track_noise(0.0, 0.0)))  # type: ignore[arg-type]
+            track = self._begin(row)
+            first = pose_of(track, track_noise(float(self._weights[at.W_WHEELBASE]), 0.0, 0.0))
+            self.estimate = self._estimate(row, None, track, *first)
             self.confirmed = (self.estimate,)
             rows.append(row)
             return self.estimate
@@ -202,7 +210,7 @@ class OdometryFilter:
             "unaided": _numbers(self._unaided),
             "by_rate": self._by_rate,
             "yaw_offset": None if np.isnan(self._yaw_offset) else self._yaw_offset,
-            "measured": self._measured.tolist(),
+            "measured": list(self._measured),
         }
 
     @classmethod
@@ -237,12 +245,15 @@ class OdometryFilter:
             made._rows.count = len(rows)
             made._rows.rows[: len(rows)] = rows
             made._rows.base, made._at = int(state["base"]), int(state["at"])
-            made._smoothed = _array(state["smoothed"])
+            if rows.size and not made._rows.base <= made._at <= made._rows.newest:
+                raise ValueError(f"no row {made._at}")
+            made._smoothed = _array(state["smoothed"]).reshape(SIZE)
             made._track = None if state["track"] is None else _array(state["track"]).reshape(at.T_SIZE)
             made._stepped, made._by_rate = bool(state["stepped"]), state["by_rate"]
-            made._aided, made._unaided = _array(state["aided"]), _array(state["unaided"])
+            made._aided, made._unaided = _array(state["aided"]).reshape(2), _array(state["unaided"]).reshape(2)
             made._yaw_offset = float("nan") if state["yaw_offset"] is None else float(state["yaw_offset"])
-            made._measured = np.array(state["measured"], dtype=bool)
+            tilted, headed = state["measured"]
+            made._measured = bool(tilted), bool(headed)
         except (KeyError, TypeError, ValueError, IndexError) as error:
             raise RockerbogieError(f"the state is incomplete or damaged: {error}") from None
         return made
@@ -254,15 +265,16 @@ class OdometryFilter:
         self._at, self._smoothed = self._at + 1, smoothed
         return found
 
-    def _begin(self, row: Array) -> None:
-        """Make the track at its first row."""
+    def _begin(self, row: Array) -> Array:
+        """Make the track at its first row, and return its state (T_SIZE,)."""
         reading = self._reading(row, row, row, row, 1.0)
         motion = interval_motion(self.rover, self._weights, reading)
         attitude = row[ATTITUDE : ATTITUDE + 3]
-        self._track = new_track(self._start, attitude, motion.normal[0])
-        self._measured = np.array([np.isfinite(attitude[:2]).all(), np.isfinite(attitude[2])])
+        self._track = track = new_track(self._start, attitude, motion.normal[0])
+        self._measured = isfinite(attitude[0]) and isfinite(attitude[1]), isfinite(attitude[2])
         if self._measured[1]:
             self._yaw_offset = 0.0
+        return track
 
     def _reading(self, a: Array, b: Array, A: Array, B: Array, dt: float) -> Array:
         """Return the readings (1, R_SIZE) of the interval between rows a and b, smoothed A and B."""
@@ -281,27 +293,29 @@ class OdometryFilter:
             self._track = new_track(self._start, a[ATTITUDE : ATTITUDE + 3], motion.normal[0])
             self._stepped = True
         attitude = b[ATTITUDE : ATTITUDE + 3].copy()
-        measured = np.array([np.isfinite(attitude[:2]).all(), np.isfinite(attitude[2])])
+        measured = isfinite(attitude[0]) and isfinite(attitude[1]), isfinite(attitude[2])
         attitude[2] += self._yaw_offset  # NaN before the first heading, which then continues the track's own
         track = self._track if keep else self._track.copy()
-        has = np.array([measured[0], np.isfinite(reading[0, at.R_ROCKER_RATE : at.R_ROCKER_RATE + 3]).all()])
-        total = self._aided + self._unaided
-        share = np.where(total > 0, self._unaided / np.where(total > 0, total, 1.0), ~has)
+        has = measured[0], all(map(isfinite, reading[0, at.R_ROCKER_RATE : at.R_ROCKER_RATE + 3].tolist()))
+        lengths = zip(self._aided.tolist(), self._unaided.tolist(), has, strict=True)
+        share = [without / (with_ + without) if with_ + without > 0 else float(not now) for with_, without, now in lengths]
         before = track[at.T_LENGTH]
-        T, P, length = continue_track(track, track_noise(*share.tolist()), np.array([dt]), motion, attitude[None])
+        T, P, length = continue_track(
+            track, track_noise(float(self._weights[at.W_WHEELBASE]), *share), np.array([dt]), motion, attitude[None]
+        )
         if keep:
             travelled = track[at.T_LENGTH] - before
-            self._aided += np.where(has, travelled, 0.0)
-            self._unaided += np.where(has, 0.0, travelled)
+            for part, now in enumerate(has):
+                (self._aided if now else self._unaided)[part] += travelled
             self._regain(track, measured, b)
         return self._estimate(b, motion, track, T[0], P[0], length[0])
 
-    def _regain(self, track: Array, measured: Array, row: Array) -> None:
+    def _regain(self, track: Array, measured: tuple[bool, bool], row: Array) -> None:
         """Reset attitude errors and heading offset where a sensor begins or begins again.
 
         Args:
             track: (T_SIZE,) state of the track; rows and columns of the attitude's errors are changed.
-            measured: (2,) True where tilt and heading are measured now.
+            measured: True where tilt and heading are measured now.
             row: the newest row of readings.
         """
         P = track[at.T_COVARIANCE : at.T_COVARIANCE + 36].reshape(6, 6)
@@ -317,7 +331,7 @@ class OdometryFilter:
 
     def _estimate(self, row: Array, motion: IntervalMotion | None, track: Array, T: Array, P: Array, length: Array) -> Estimate:
         """Return the estimate at a row."""
-        nothing = np.full(6, np.nan)
+        nothing, joints = np.full(6, np.nan), or_zero(row[STEERING : BOGIE + 2])  # steering, rocker, bogies
         return Estimate(
             self.rover,
             float(row[TIME]),
@@ -328,11 +342,10 @@ class OdometryFilter:
             nothing if motion is None else motion.residual[0, :, 0],
             nothing if motion is None else motion.residual[0, :, 1],
             nothing if motion is None else motion.contact_angle[0],
-            or_zero(row[STEERING : STEERING + 6]),
-            float(or_zero(row[ROCKER])),
-            or_zero(row[BOGIE : BOGIE + 2]),
-            float(length[0]),
-            float(length[1]),
+            joints[:6],
+            float(joints[6]),
+            joints[7:],
+            *length.tolist(),
         )
 
 

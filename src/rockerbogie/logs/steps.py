@@ -33,6 +33,9 @@ PRIOR_JOINT, PRIOR_TILT, LEAST_RATE = 0.1, 0.03, 1e-4
 SLIP_LENGTH, SLIP_TIME = 0.5, 10.0
 #: Error of a measured attitude (roll, pitch, yaw), rad, and slip common to all wheels, relative to the distance.
 ATTITUDE_SIGMA, COMMON_SLIP = (0.01, 0.01, 0.02), 0.005
+#: Wheels whose RMS slip against each other exceeds this share of their rim speed, over this share of the wheelbase, do not all
+#: roll on terrain: the rover may be stuck (docs/odometry.md). The first is twice `ROLL_SHARE`, the usual slip of a wheel.
+DOUBT, DOUBT_LENGTH = 0.2, 0.25
 #: Error of the level start where no attitude is measured, rad. Error of the length, as a share of the way, without an
 #: attitude and without suspension sensors: the wheels roll over rocks on a longer way than the body. Set from simulated drives.
 START_TILT, NO_ATTITUDE, NO_SUSPENSION = 0.05, 0.02, 0.025
@@ -47,6 +50,7 @@ class IntervalMotion:
     residual: Array  # (n, 6, 3) roll slip, side slip and lift of each contact, m/s
     contact_angle: Array  # (n, 6) rad
     normal: Array  # (n, 3) unit normal of the plane through the hubs, in the body frame
+    rolling: Array  # (n, 2) RMS of unexpected roll slip and of rim speed over the six wheels, m/s
 
 
 def weights_of(rover: Rover, slope: float, joint_error: float, soil: tuple[float, float] = (0.0, 0.0)) -> Array:
@@ -73,10 +77,11 @@ def weights_of(rover: Rover, slope: float, joint_error: float, soil: tuple[float
     return w
 
 
-def track_noise(no_attitude: float, no_suspension: float) -> Array:
+def track_noise(wheelbase: float, no_attitude: float, no_suspension: float) -> Array:
     """Return the noise of a track as the kernels take it.
 
     Args:
+        wheelbase: of the rover, m.
         no_attitude: share of the way without a measured attitude, 0 to 1.
         no_suspension: share of the way without suspension sensors, 0 to 1.
 
@@ -90,6 +95,7 @@ def track_noise(no_attitude: float, no_suspension: float) -> Array:
     # each wheel leaves the mean plane by its slope over the way on which slopes are alike; six of them carry the body, and the
     # height of the track is a difference of two such heights, at its end and at its start
     noise[at.N_HEIGHT] = 2.0 * (UNKNOWN_SLOPE * SLIP_LENGTH) ** 2 / 6.0
+    noise[at.N_DOUBT_LENGTH], noise[at.N_DOUBT] = DOUBT_LENGTH * wheelbase, DOUBT
     return noise
 
 
@@ -106,11 +112,13 @@ def interval_motion(rover: Rover, weights: Array, reading: Array, climb: Array |
         The motion of the n intervals.
     """
     n = len(reading)
-    found = IntervalMotion(np.empty((n, 9)), np.empty((n, 9, 9)), np.empty((n, 6, 3)), np.empty((n, 6)), np.empty((n, 3)))
+    found = IntervalMotion(
+        np.empty((n, 9)), np.empty((n, 9, 9)), np.empty((n, 6, 3)), np.empty((n, 6)), np.empty((n, 3)), np.empty((n, 2))
+    )
     upward = np.full(1, np.nan) if climb is None else np.ascontiguousarray(climb)
     parallel_for(
         motion_kernel.motion_batch, n, rover.packed, rover.steers.copy(), weights, np.ascontiguousarray(reading), upward,
-        found.motion, found.covariance, found.residual, found.contact_angle, found.normal,
+        found.motion, found.covariance, found.residual, found.contact_angle, found.normal, found.rolling,
     )  # fmt: skip
     return found
 
@@ -153,27 +161,28 @@ def continue_track(
         height: (n,) z at their ends by a map, m, NaN where not known; `None` without a map.
 
     Returns:
-        Poses T_world_body (n, 4, 4), their covariance (n, 6, 6), and horizontal and three-dimensional length (n, 2), m.
+        Poses T_world_body (n, 4, 4), their covariance (n, 6, 6), and (n, 3) horizontal and three-dimensional length, m, and the
+        slip share.
     """
     n = len(dt)
-    T, P, length = np.empty((n, 4, 4)), np.empty((n, 6, 6)), np.empty((n, 2))
+    T, P, length = np.empty((n, 4, 4)), np.empty((n, 6, 6)), np.empty((n, 3))
     z = np.full(1, np.nan) if height is None else np.ascontiguousarray(height)
     measured = np.ascontiguousarray(attitude)
-    track_kernel.track_batch(state, noise, dt, motion.motion, motion.covariance, measured, z, T, P, length, 0, n)
+    track_kernel.track_batch(state, noise, dt, motion.motion, motion.covariance, motion.rolling, measured, z, T, P, length, 0, n)
     return T, P, length
 
 
 def pose_of(state: Array, noise: Array) -> tuple[Array, Array, Array]:
-    """Return pose, covariance and lengths of a track.
+    """Return pose, covariance, lengths and slip share of a track.
 
     Args:
         state: (T_SIZE,).
         noise: of `track_noise`.
 
     Returns:
-        T_world_body (4, 4), covariance (6, 6), and horizontal and three-dimensional length (2,), m.
+        T_world_body (4, 4), covariance (6, 6), and (3,) horizontal and three-dimensional length, m, and the slip share.
     """
-    T, P, length = np.empty((4, 4)), np.empty((6, 6)), np.empty(2)
+    T, P, length = np.empty((4, 4)), np.empty((6, 6)), np.empty(3)
     track_kernel.set_pose(state, noise, T, P, length)
     return T, P, length
 

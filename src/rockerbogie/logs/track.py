@@ -27,15 +27,18 @@ class Track:
 
     T: Array  # (n + 1, 4, 4) T_world_body
     covariance: Array  # (n + 1, 6, 6) of position and rotation about fixed axes, m² and rad²
-    length: Array  # (n + 1, 2) horizontal and three-dimensional length of the path, m
+    length: Array  # (n + 1, 3) horizontal and three-dimensional length of the path, m, and slip share
 
 
-def integrate(s: Readings, motion: IntervalMotion, start: tuple[float, float, float], z: Array | None = None) -> Track:
+def integrate(
+    rover: Rover, s: Readings, motion: IntervalMotion, start: tuple[float, float, float], z: Array | None = None
+) -> Track:
     """Integrate twists to poses: one screw per interval.
 
     Attitude in the log replaces the integrated one: all of it, or roll and pitch.
 
     Args:
+        rover: the rover.
         s: readings, with n intervals.
         motion: of the n intervals.
         start: x, y, z of the first pose, m; with a map, its height is the map's.
@@ -46,7 +49,7 @@ def integrate(s: Readings, motion: IntervalMotion, start: tuple[float, float, fl
     """
     if z is not None and np.isfinite(z).any():
         start = (start[0], start[1], float(z[np.isfinite(z)][0]))
-    noise = track_noise(float(s.lean is None), float(not s.has_suspension))
+    noise = track_noise(rover.wheelbase, float(s.lean is None), float(not s.has_suspension))
     state = new_track(start, s.attitude[0], motion.normal[0])
     first = pose_of(state, noise)
     later = continue_track(state, noise, np.diff(s.time), motion, s.attitude[1:], None if z is None else z[1:])
@@ -87,6 +90,9 @@ def track_dataset(rover: Rover, s: Readings, track: Track, motion: IntervalMotio
         "contact_angle": (("time", "wheel"), late(motion.contact_angle), "rad", "contact angle on the rim"),
         "roll_slip": (("time", "wheel"), late(motion.residual[..., 0]), "m/s", "slip along the wheel's path"),
         "side_slip": (("time", "wheel"), late(motion.residual[..., 1]), "m/s", "slip across the wheel's path, to its left"),
+        "slip_share": (
+            ("time",), track.length[:, 2], "1", "RMS slip of the wheels against each other, as a share of their rim speed",
+        ),
         "twist_covariance": (
             ("time", "component", "component_column"), late(motion.covariance[:, :6, :6]), "(m/s, rad/s)²", "covariance of twist",
         ),

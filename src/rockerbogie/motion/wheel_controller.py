@@ -85,7 +85,21 @@ class WheelController:
             RockerbogieError: not a rover, a limit that is not above 0, or a gain or share out of its range.
         """
         expect(rover, Rover, "rover", LOAD_ROVER)
-        limit = np.array(np.broadcast_to(np.asarray(steering_limit, dtype=float), (6,)))
+        numbers = {
+            "wheel_rate_limit": wheel_rate_limit,
+            "steering_rate_limit": steering_rate_limit,
+            "aligned": aligned,
+            "waiting": waiting,
+            "sharing_speed": sharing_speed,
+            "sharing_limit": sharing_limit,
+        }
+        for name, value in numbers.items():
+            if not isinstance(value, (int, float, np.number)):
+                raise RockerbogieError(f"{name} is {value!r:.60}; give a number")
+        try:
+            limit = np.array(np.broadcast_to(np.asarray(steering_limit, dtype=float), (6,)))
+        except (TypeError, ValueError):
+            raise RockerbogieError(f"steering_limit is {steering_limit!r:.60}; give a number or six, rad") from None
         if not ((limit > 0).all() and wheel_rate_limit > 0 and steering_rate_limit > 0):
             raise RockerbogieError("steering_limit, wheel_rate_limit and steering_rate_limit must be above 0 (rad, rad/s)")
         if not 0 <= aligned < waiting:
@@ -124,7 +138,7 @@ class WheelController:
             rocker: rad.
             bogie: (2,) rad.
             contact_angle: (6,) rad, as of `Estimate`; default and NaN: those of a rover on its plane of wheels (0 on flat
-                terrain). A wheel's rate differs by at most 60 % from that on the plane.
+                terrain). They change rates only, each by at most 60 % of that on the plane; steering is that on the plane.
             effort: (6,) measured motor torques, forward positive, N·m; NaN where there is none. Default: no load sharing.
 
         Returns:
@@ -135,7 +149,7 @@ class WheelController:
         """
         wanted = _finite("twist", twist, (6,), (3,))
         wanted = wanted[[0, 1, 5]] if wanted.shape == (6,) else wanted
-        if dt is not None and not dt > 0:
+        if dt is not None and not (isinstance(dt, (int, float, np.number)) and dt > 0):
             raise RockerbogieError(f"dt is {dt!r} s; give a time above 0, or None")
         if steering is not None:
             measured = _six("steering", steering)
@@ -152,7 +166,8 @@ class WheelController:
         contact = np.where(np.isfinite(contact), contact, level) if contact_angle is not None else level
         moving = bool(np.abs(wanted).max() > STANDING)
         before = present if self._commanded is None else self._commanded
-        free = self._run(reading, contact, wanted, fixed=False)[0] if moving else before
+        # estimated contact angles are noise while the rover stands: steering by them, it would wait for ever
+        free = self._run(reading, level, wanted, fixed=False)[0] if moving else before
         target = np.clip(free, -self.steering_limit, self.steering_limit)
         error = target - present
         ahead = np.inf if dt is None else self.steering_rate_limit * dt

@@ -117,7 +117,9 @@ def _slip(node: Diagnosed, rover: Rover) -> DiagnosticStatus:
     level, text = OK, f"wheels agree within {100 * share[worst]:.0f} % of the speed"
     if share[worst] > node.value("slip_warning"):
         level, text = WARN, f"wheel {rover.wheel_names[worst]} slips by {100 * share[worst]:.0f} % of the speed"
-    values = {"speed [m/s]": f"{speed:.4f}"}
+    if e.doubted:
+        level, text = WARN, f"the wheels contradict each other by {100 * e.slip_share:.0f} % of their speed: is the rover stuck?"
+    values = {"speed [m/s]": f"{speed:.4f}", "slip share": f"{e.slip_share:.3f}"}
     values |= {f"roll slip {n} [m/s]": f"{v:.4f}" for n, v in zip(rover.wheel_names, e.roll_slip, strict=True)}
     values |= {f"side slip {n} [m/s]": f"{v:.4f}" for n, v in zip(rover.wheel_names, e.side_slip, strict=True)}
     return status("rockerbogie: slip", level, text, values, rover.name)

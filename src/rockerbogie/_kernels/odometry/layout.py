@@ -30,7 +30,8 @@ N_SLIP_LENGTH, N_SLIP_TIME = 0, 1  # m, s
 N_ATTITUDE = 2  # (3,) rad
 N_SHARED = 5  # variance of the length, relative to its square
 N_HEIGHT = 6  # variance of the body's height above the mean plane of its wheels, m²
-N_SIZE = 7
+N_DOUBT_LENGTH, N_DOUBT = 7, 8  # rolled distance over which slip is averaged, m; share of the rim speed from which it is doubted
+N_SIZE = 9
 
 # State of a track.
 T_ROTATION = 0  # (3, 3) body to world
@@ -38,7 +39,9 @@ T_MOVED = 9  # (3,) displacement from the start, m
 T_COVARIANCE = 12  # (6, 6) of position and rotation about fixed axes, m² and rad²
 T_FLAT, T_LENGTH = 48, 49  # horizontal length, and length in three dimensions, m
 T_START = 50  # (3,) position of the start, m
-T_SIZE = 53
+T_SLIP, T_RIM = 53, 54  # RMS roll slip and rim speed of six wheels, averaged over the last rolled distance, m/s
+T_DOUBTED = 55  # (3,) displacement during which the wheels contradicted each other, m
+T_SIZE = 58
 
 # Commands of a pose.
 C_TURN = 0  # (6,) steering at which no wheel slips sideways, not limited, rad

@@ -248,7 +248,7 @@ def set_soil_slip(frame: Array, contact: Array, roll: float, pitch: float, weigh
 @njit
 def motion_batch(
     rover: Array, steers: NDArray[np.bool_], weights: Array, reading: Array, climb: Array,
-    motion: Array, covariance: Array, residual: Array, contact: Array, normals: Array, start: int, stop: int,
+    motion: Array, covariance: Array, residual: Array, contact: Array, normals: Array, rolling: Array, start: int, stop: int,
 ) -> None:  # fmt: skip
     """Compute the motion of each interval, together with the contact angles.
 
@@ -266,6 +266,7 @@ def motion_batch(
         residual: (n, 6, 3) filled with roll slip, side slip and lift, m/s; expected ones included.
         contact: (n, 6) filled with the contact angles, rad.
         normals: (n, 3) filled with the normal of the hubs' plane in the body.
+        rolling: (n, 2) filled with the RMS over six wheels of unexpected roll slip and of rim speed, m/s.
         start, stop: range of intervals.
     """
     frame, joint, rows, same = np.empty((6, 12)), np.empty((6, 4, 6)), np.empty((6, 4, 10)), np.zeros((6, 4))
@@ -329,3 +330,8 @@ def motion_batch(
                 for j in range(3):
                     residual[k, i, j] += rows[i, j, TURN] * now[R_STEERING_RATE + i]
                 residual[k, i, ALONG] -= rolled[i]
+        rolling[k, 0] = rolling[k, 1] = 0.0
+        for i in range(6):
+            rolling[k, 0] += (residual[k, i, ALONG] - expected[i, 0]) ** 2 / 6.0
+            rolling[k, 1] += rolled[i] * rolled[i] / 6.0
+        rolling[k, 0], rolling[k, 1] = math.sqrt(rolling[k, 0]), math.sqrt(rolling[k, 1])

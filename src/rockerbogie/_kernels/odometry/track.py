@@ -9,15 +9,20 @@ from numpy.typing import NDArray
 
 from ..jit.decorators import njit
 from .layout import (
+    N_DOUBT,
+    N_DOUBT_LENGTH,
     N_HEIGHT,
     N_SHARED,
     N_SLIP_LENGTH,
     N_SLIP_TIME,
     T_COVARIANCE,
+    T_DOUBTED,
     T_FLAT,
     T_LENGTH,
     T_MOVED,
+    T_RIM,
     T_ROTATION,
+    T_SLIP,
     T_START,
 )
 
@@ -166,8 +171,22 @@ def set_error_growth(P: Array, step: Array, added: Array) -> None:
 
 
 @njit
+def slip_share(state: Array) -> float:
+    """Return the slip of the wheels against each other, as a share of their rim speed.
+
+    Args:
+        state: (T_SIZE,) of the track.
+
+    Returns:
+        RMS roll slip over RMS rim speed, both averaged over the last rolled distance; 0 before the wheels have turned.
+    """
+    return state[T_SLIP] / state[T_RIM] if state[T_RIM] > 0.0 else 0.0
+
+
+@njit
 def advance(
-    state: Array, noise: Array, time: float, twist: Array, covariance: Array, attitude: Array, height: float, work: Array
+    state: Array, noise: Array, time: float, twist: Array, covariance: Array, rolling: Array, attitude: Array, height: float,
+    work: Array,
 ) -> None:  # fmt: skip
     """Continue a track by one interval.
 
@@ -177,6 +196,7 @@ def advance(
         time: length of the interval, s.
         twist: (6,) of the body in its own frame, m/s and rad/s.
         covariance: (6, 6) or larger, of the twist.
+        rolling: (2,) RMS roll slip and rim speed of six wheels, m/s.
         attitude: (3,) measured roll, pitch, yaw at the end, rad; NaN where not measured.
         height: z at the end, m, which replaces the integrated one; NaN if not known.
         work: (60,) scratch.
@@ -230,14 +250,20 @@ def advance(
     flat = math.sqrt(step[0] * step[0] + step[1] * step[1])
     state[T_FLAT] += flat * arc
     state[T_LENGTH] += math.sqrt(flat * flat + step[2] * step[2]) * arc
+    kept = math.exp(-rolling[1] * time / noise[N_DOUBT_LENGTH])
+    state[T_SLIP] = kept * state[T_SLIP] + (1.0 - kept) * rolling[0]
+    state[T_RIM] = kept * state[T_RIM] + (1.0 - kept) * rolling[1]
+    doubted = slip_share(state) > noise[N_DOUBT]
     for i in range(3):
         state[T_MOVED + i] += step[i]
+        if doubted:
+            state[T_DOUBTED + i] += step[i]
     R[:] = S
 
 
 @njit
 def track_batch(
-    state: Array, noise: Array, dt: Array, motion: Array, covariance: Array, attitude: Array, height: Array,
+    state: Array, noise: Array, dt: Array, motion: Array, covariance: Array, rolling: Array, attitude: Array, height: Array,
     T: Array, P: Array, length: Array, start: int, stop: int,
 ) -> None:  # fmt: skip
     """Continue a track by intervals, and record each pose.
@@ -248,16 +274,18 @@ def track_batch(
         dt: (n,) lengths of the intervals, s.
         motion: (n, 6 or more) twist, m/s and rad/s.
         covariance: (n, 6 or more, 6 or more) of the twist.
+        rolling: (n, 2) RMS roll slip and rim speed of six wheels, m/s.
         attitude: (n, 3) measured roll, pitch, yaw at the ends, rad; NaN where not measured.
         height: (n,) or (1,) z at the ends, m, which replace the integrated ones; NaN where not known.
         T: (n, 4, 4) filled with T_world_body at the ends.
         P: (n, 6, 6) filled with the covariance of the pose, m² and rad².
-        length: (n, 2) filled with the horizontal and the three-dimensional length of the track, m.
+        length: (n, 3) filled with the horizontal and the three-dimensional length of the track, m, and the slip share.
         start, stop: range of intervals, in order.
     """
     work = np.empty(60)
     for k in range(start, stop):
-        advance(state, noise, dt[k], motion[k], covariance[k], attitude[k], height[k if height.shape[0] > 1 else 0], work)
+        z = height[k if height.shape[0] > 1 else 0]
+        advance(state, noise, dt[k], motion[k], covariance[k], rolling[k], attitude[k], z, work)
         set_pose(state, noise, T[k], P[k], length[k])
 
 
@@ -269,8 +297,9 @@ def set_pose(state: Array, noise: Array, T: Array, P: Array, length: Array) -> N
         state: (T_SIZE,) of the track.
         noise: (N_SIZE,).
         T: (4, 4) filled with T_world_body.
-        P: (6, 6) filled, with the error of the length that all wheels share and that of the wheels' mean height.
-        length: (2,) filled, m.
+        P: (6, 6) filled, with the error of the length that all wheels share, that of the wheels' mean height, and that of
+            doubted displacement, which may not have happened at all.
+        length: (3,) filled with the lengths, m, and the slip share.
     """
     for i in range(3):
         for j in range(3):
@@ -284,5 +313,6 @@ def set_pose(state: Array, noise: Array, T: Array, P: Array, length: Array) -> N
     for i in range(3):
         for j in range(3):
             P[i, j] += noise[N_SHARED] * state[T_MOVED + i] * state[T_MOVED + j]
+            P[i, j] += state[T_DOUBTED + i] * state[T_DOUBTED + j]
     P[2, 2] += noise[N_HEIGHT] * min(state[T_LENGTH] / noise[N_SLIP_LENGTH], 1.0)
-    length[0], length[1] = state[T_FLAT], state[T_LENGTH]
+    length[0], length[1], length[2] = state[T_FLAT], state[T_LENGTH], slip_share(state)
