@@ -9,12 +9,15 @@ BIN := .venv/bin
 reproduce: .venv/run.stamp  ## the paper's section III: figures, data and report in $(OUT)
 	$(BIN)/rockerbogie reproduce -o $(OUT)
 
+# two processes of `rockerbogie compile` share the kernels; two of pytest would both compile those that many tests need
 test: .venv/dev.stamp  ## all tests, then those marked nojit again in plain Python
+	$(BIN)/rockerbogie compile
 	$(BIN)/python -m pytest -n auto
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -m nojit
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n auto -m nojit
 
 test-oldest: .venv-oldest/stamp  ## kernels with the oldest supported numba; test has the newest
-	.venv-oldest/bin/python -m pytest tests/kernels
+	.venv-oldest/bin/rockerbogie compile
+	.venv-oldest/bin/python -m pytest -n auto tests/kernels
 
 check: .venv/dev.stamp  ## lint, format, strict types, layers
 	$(BIN)/ruff check
@@ -49,7 +52,7 @@ clean:  ## what the other targets made
 # numba 0.61.0 has no wheels for Python 3.14 or newer
 .venv-oldest/stamp: pyproject.toml
 	$(PYTHON) -m venv .venv-oldest
-	.venv-oldest/bin/python -m pip install -qq -e . numba==0.61.0 'pytest>=8' 'hypothesis>=6.100'
+	.venv-oldest/bin/python -m pip install -qq -e . numba==0.61.0 'pytest>=8' 'pytest-xdist>=3.6' 'hypothesis>=6.100'
 	@touch $@
 
 .venv/docs.stamp: pyproject.toml .venv/pyvenv.cfg

@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from .._kernels.jit import cache, mode, notice
+from .._kernels.jit.uncompiled import compile_first
 from ..errors import RockerbogieError
 
 #: Slope (rad) on which no rover has an equilibrium: the mode then starts its second search.
 TOO_STEEP = 1.3
 
-#: Number of steps of `_steps`.
-STEPS = 33
+Interpolation = Literal["cubic", "linear"]
+Group = Literal[Interpolation, "common"]
+
+#: Number of steps of each group, in the order in which `compile_kernels` takes the groups.
+STEPS: dict[Group, int] = {"cubic": 12, "common": 10, "linear": 12}
+#: Program of the second process: the kernels of bilinear terrain share few callees with the others.
+PROGRAM = "from rockerbogie.bench.compilation import run_steps; run_steps('linear')"
 
 
 class Compiled(NamedTuple):
@@ -51,64 +60,117 @@ def compile_kernels(progress: Callable[[int, int], None] | None = None) -> Compi
         raise RockerbogieError(f"cannot write to {found}: set NUMBA_CACHE_DIR to a writable folder, now and in later use")
     if progress is not None:
         notice.silence()
-    before, start = notice.compiled_count(), time.perf_counter()
-    for done, step in enumerate(_steps()):
-        if progress is not None:
-            progress(done, STEPS)
-        step()
+    before, stored, start = notice.compiled_count(), _stored(), time.perf_counter()
+    total, done, second = sum(STEPS.values()), 0, None
+    try:
+        for group in STEPS:
+            if second is not None and group == "linear":
+                second.wait()  # the steps load what it has stored, and compile the rest
+            with compile_first():
+                for step in _steps(group):
+                    if progress is not None:
+                        progress(done, total)
+                    step()
+                    done += 1
+                    if second is None and group != "linear" and notice.compiled_count() > before and (os.cpu_count() or 1) > 1:
+                        second = subprocess.Popen([sys.executable, "-c", PROGRAM], stderr=subprocess.DEVNULL)
+    finally:
+        if second is not None:
+            second.kill()
+            second.wait()
     if progress is not None:
-        progress(STEPS, STEPS)
-    return Compiled(cache.cache_folders()[-1], notice.compiled_count() - before, time.perf_counter() - start)
+        progress(total, total)
+    return Compiled(cache.cache_folders()[-1], len(_stored() - stored), time.perf_counter() - start)
 
 
-def _steps() -> Iterator[Callable[[], object]]:
-    """Yield the calls that compile all kernels between them, in order."""
+def run_steps(group: Group) -> None:
+    """Make the calls of one group.
+
+    Args:
+        group: a key of `STEPS`.
+    """
+    with compile_first():
+        for step in _steps(group):
+            step()
+
+
+def _stored() -> set[str]:
+    """Return the names of the files of compiled kernels in the folder that they are written to."""
+    return {file.name for file in cache.cache_folders()[-1].glob("*.nbc")}
+
+
+def _steps(group: Group) -> Iterator[Callable[[], object]]:
+    """Yield the calls that compile the kernels of a group, in order.
+
+    Args:
+        group: a key of `STEPS`.
+    """
+    return _common_steps() if group == "common" else _steps_on(group)
+
+
+def _steps_on(interpolation: Interpolation) -> Iterator[Callable[[], object]]:
+    """Yield the calls that compile the kernels of one interpolation, in order.
+
+    Args:
+        interpolation: of the terrain.
+    """
+    from ..motion.path import Path
+    from ..motion.prediction.predict import predict
+    from ..rover.formats import load_rover
+    from ..settling.settle import settle
+    from ..settling.verification import verify
+    from ..statics.loads import wheel_loads
+    from ..statics.stability import force_values
+    from ..terrain import surfaces
+    from ..terrain.heightfield import Terrain
+
+    rover = load_rover("curiosity")
+    far = [0.0, 1e4]  # the second pose is off the map, so it is computed by the scalar kernels
+    level = surfaces.plane(size=12.0, spacing=0.5, interpolation=interpolation)
+    steep = surfaces.plane(TOO_STEEP, size=12.0, spacing=0.5, interpolation=interpolation)
+    yield partial(level.height, 0.0, 0.0)
+    yield partial(settle, rover, level, far, 0.0)
+    yield partial(settle, rover, steep, far, 0.0, mode="equilibrium")
+    still = settle(rover, level, 0.0, 0.0, mode="equilibrium")
+    yield partial(wheel_loads, still)
+    yield partial(getattr, still, "support")
+    z = level.z.copy()
+    z[::2, ::2] = np.nan
+    gaps = Terrain.from_array(z, level.spacing, level.origin, interpolation=interpolation)
+    yield partial(settle, rover, gaps, 0.0, 0.0)
+    yield partial(settle, rover, gaps, 0.0, 0.0, mode="equilibrium")
+    pose = settle(rover, level, 0.0, 0.0)
+    yield partial(getattr, pose, "gap")
+    yield partial(getattr, pose, "clearance")
+    yield partial(predict, rover, level, None, Path.straight((0.0, 0.0), 0.0, 0.1), friction=0.8, details=False)
+    yield partial(verify, pose)
+    yield partial(force_values, pose, ("tip_margin",))
+
+
+def _common_steps() -> Iterator[Callable[[], object]]:
+    """Yield the calls that compile the kernels which do not depend on the interpolation, in order."""
     from ..figures.render import Camera, Mesh, render
     from ..logs.odometry import odometry
     from ..motion.body_twist import body_twist
     from ..motion.drive import drive
     from ..motion.jacobian import wheel_jacobians
     from ..motion.path import Path
-    from ..motion.prediction.predict import predict
     from ..motion.wheel_commands import straight
     from ..motion.wheel_controller import WheelController
     from ..rover.formats import load_rover
     from ..settling.settle import settle
-    from ..settling.verification import verify
-    from ..statics.loads import wheel_loads
-    from ..statics.stability import force_values, stability
+    from ..statics.stability import stability
     from ..terrain import surfaces
-    from ..terrain.heightfield import Terrain
     from ..terrain.soil.forces import wheel_soil_forces
     from ..terrain.soil.load import load_soil
     from ..terrain.soil.table import tabulate
 
-    rover = load_rover("curiosity")
-    far = [0.0, 1e4]  # the second pose is off the map, so it is computed by the scalar kernels
-    for interpolation in ("cubic", "linear"):
-        level = surfaces.plane(size=12.0, spacing=0.5, interpolation=interpolation)
-        steep = surfaces.plane(TOO_STEEP, size=12.0, spacing=0.5, interpolation=interpolation)
-        yield partial(level.height, 0.0, 0.0)
-        yield partial(settle, rover, level, far, 0.0)
-        yield partial(settle, rover, steep, far, 0.0, mode="equilibrium")
-        still = settle(rover, level, 0.0, 0.0, mode="equilibrium")
-        yield partial(wheel_loads, still)
-        yield partial(getattr, still, "support")
-        z = level.z.copy()
-        z[::2, ::2] = np.nan
-        gaps = Terrain.from_array(z, level.spacing, level.origin, interpolation=interpolation)
-        yield partial(settle, rover, gaps, 0.0, 0.0)
-        yield partial(settle, rover, gaps, 0.0, 0.0, mode="equilibrium")
-        pose = settle(rover, level, 0.0, 0.0)
-        yield partial(getattr, pose, "gap")
-        yield partial(getattr, pose, "clearance")
-        yield partial(predict, rover, level, None, Path.straight((0.0, 0.0), 0.0, 0.1), friction=0.8, details=False)
-        yield partial(verify, pose)
+    rover, level = load_rover("curiosity"), surfaces.plane(size=12.0, spacing=0.5, interpolation="cubic")
+    pose = settle(rover, level, 0.0, 0.0)
     yield partial(wheel_jacobians, rover, pose)
     yield partial(getattr, pose, "axle_frames")
     yield partial(body_twist, rover, pose)
     yield partial(stability, pose)
-    yield partial(force_values, pose, ("tip_margin",))
     soil = load_soil("lunar-lrv-b")
     yield partial(wheel_soil_forces, soil, 0.25, 0.4, 500.0, 0.1)
     table = tabulate(soil, 0.25, 0.4, (100.0, 500.0), size=(6, 7, 6))
