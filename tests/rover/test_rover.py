@@ -70,6 +70,8 @@ def test_sides_axles_and_wheels_are_filled_in() -> None:
     both = rb.Rover.from_pivots(**PIVOTS | {"hubs": hubs, "rocker_pivot": pivots, "steers": (1, 0, 0, 0, 0, 1)})
     assert_close(both.hubs, hubs, 0.0, "m", "both sides given are kept")
     assert both.steers.tolist() == [True, False, False, False, False, True]
+    for steers in ((True, False, True), np.array([1, 0, 1]), np.repeat([True, False, True], 2)):
+        assert rover.replace(steers=steers).steers.tolist() == [True, True, False, False, True, True]
 
 
 def test_wheels_are_named_after_where_they_stand() -> None:
@@ -127,6 +129,7 @@ MISSES_SIDEWAYS = [(-0.3, 0.3, -0.2), (0.25, 0.4, -0.2), (0.4, 0.3, -0.2)]
         ({"wheel_radius": (0.1, 0.1)}, r"wheel_radius has shape \(2,\); give a number, \(3,\) per axle or \(6,\) per wheel"),
         ({"wheel_width": np.zeros((6, 1))}, r"wheel_width has shape \(6, 1\)"),
         ({"steers": (True, False)}, r"steers has shape \(2,\)"),
+        ({"steers": (1, 2, 1)}, "steers must be true or false for each wheel, not"),
         ({"steering_offset": (0, 0, 0)}, r"steering_offset has shape \(3,\); give \(2,\), \(3, 2\) .* or \(6, 2\)"),
         ({"rocker_limits": (-1, 0, 1)}, r"rocker_limits has shape \(3,\); give \(2,\)"),
         ({"body_box": (0, 1)}, r"body_box has shape \(2,\); give \(2, 3\)"),

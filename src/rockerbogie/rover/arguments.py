@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Array, floats
 from ..errors import RoverError
@@ -109,6 +109,26 @@ def per_wheel(name: str, value: ArrayLike) -> Array:
     if points.shape in ((), (6,)):
         return np.broadcast_to(points, (6,)).copy()
     raise RoverError(f"{name} has shape {points.shape}; give a number, (3,) per axle or (6,) per wheel")
+
+
+def flags(name: str, value: ArrayLike) -> NDArray[np.bool_]:
+    """Return True or False for each wheel (6,).
+
+    Args:
+        name: the argument's name, for messages.
+        value: True or False, 1 or 0; one, (3,) per axle or (6,).
+
+    Returns:
+        (6,).
+
+    Raises:
+        RoverError: another shape, or other values.
+    """
+    given = np.asarray(value)
+    mask = per_wheel(name, given.astype(float) if given.dtype == bool else value)
+    if not np.isin(mask, (0.0, 1.0)).all():
+        raise RoverError(f"{name} must be true or false for each wheel, not {value!r}")
+    return mask == 1.0
 
 
 def offsets(value: ArrayLike) -> Array:

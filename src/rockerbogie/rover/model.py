@@ -156,7 +156,7 @@ class Rover:
         hub = arguments.hubs(hubs)
         radius = arguments.per_wheel("wheel_radius", wheel_radius)
         width = arguments.per_wheel("wheel_width", wheel_width)
-        mask = np.ones(6) if steers is None else arguments.per_wheel("steers", steers)
+        mask = np.ones(6, dtype=bool) if steers is None else arguments.flags("steers", steers)
         offset = arguments.offsets(steering_offset)
         rocker_stops = arguments.array("rocker_limits", rocker_limits, (2,))
         if isinstance(differential, DifferentialBar):
@@ -175,7 +175,7 @@ class Rover:
             wheel_radius=radius,
             wheel_width=width,
             steering_offset=offset,
-            steers=mask > 0.5,
+            steers=mask,
             rocker_limits=rocker_stops,
             bogie_limits=arguments.array("bogie_limits", bogie_limits, (2,)),
             differential=arguments.numbers("differential", differential),
@@ -377,7 +377,7 @@ def _full(name: str, value: Any) -> Any:
     if name in ("wheel_radius", "wheel_width", "wheel_torque"):
         return arguments.per_wheel(name, value)
     if name == "steers":
-        return arguments.per_wheel(name, value) > 0.5
+        return arguments.flags(name, value)
     if name == "steering_offset":
         return arguments.offsets(value)
     if name in ("rocker_limits", "bogie_limits"):
