@@ -128,7 +128,7 @@ def flags(name: str, value: ArrayLike) -> NDArray[np.bool_]:
     mask = per_wheel(name, given.astype(float) if given.dtype == bool else value)
     if not np.isin(mask, (0.0, 1.0)).all():
         raise RoverError(f"{name} must be true or false for each wheel, not {value!r}")
-    return mask == 1.0
+    return np.asarray(mask == 1.0, dtype=np.bool_)
 
 
 def offsets(value: ArrayLike) -> Array:
