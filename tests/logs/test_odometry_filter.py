@@ -210,6 +210,10 @@ def test_the_tip_margin_is_near_that_of_the_settled_pose(rover, run):
         (None, None, 1.0, "joints is None; give a dict"),
         ([1, 2], None, 1.0, "joints is .*; give a dict"),
         ({"wheel_rate": np.ones(6)}, np.zeros(3), 1.0, "imu is array.*; give a dict"),
+        ({"wheel_rate": np.full(6, 1j)}, None, 1.0, "wheel_rate is .* give 6 numbers"),
+        ({"wheel_rate": np.ones(6, dtype=bool)}, None, 1.0, "wheel_rate is .* give 6 numbers"),
+        ({"wheel_rate": ["1"] * 6}, None, 1.0, "wheel_rate is .* give 6 numbers"),
+        ({"wheel_rate": np.ones(6), "rocker": 10**400}, None, 1.0, "rocker is .* give 1 numbers"),
     ],
 )
 def test_wrong_rows_are_refused(rover, joints, imu, t, message):
@@ -292,6 +296,13 @@ def test_wrong_options_are_refused(rover, options, message):
         rb.OdometryFilter(rover, **options)
 
 
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, 1j, "0.5", None, True, [0.5, 0.3]])
+def test_a_slip_that_is_not_a_number_is_refused(wrong):
+    for given in ((wrong, 0.3), (0.5, wrong)):
+        with pytest.raises(rb.RockerbogieError, match=r"SlopeSlip\(.*: give two numbers, along and across"):
+            rb.SlopeSlip(*given)
+
+
 def test_infinite_readings_count_as_missing(rover):
     found = []
     for missing in (np.inf, np.nan):
@@ -314,6 +325,15 @@ def test_wrong_states_are_refused(rover):
         rb.OdometryFilter.from_state(rover, {k: v for k, v in state.items() if k != "rows"})
     made = rb.OdometryFilter(rover)
     made.update(0.0, {"wheel_angle": np.zeros(6)})
+    saved = made.state()
+    nowhere = saved["track"][:9] + [None] + saved["track"][10:]
+    late = [saved["rows"][0][:24] + [None]]
+    for wrong in (
+        {"track": nowhere}, {"track": None}, {"rows": []}, {"rows": late}, {"rows": saved["rows"] * 2}, {"base": -1, "at": -1},
+        {"aided": [-1.0, 0.0]}, {"unaided": [None, 0.0]}, {"by_rate": "no"}, {"base": 1e400}, {"yaw_offset": "a"},
+    ):  # fmt: skip
+        with pytest.raises(rb.RockerbogieError, match="incomplete or damaged"):
+            rb.OdometryFilter.from_state(rover, saved | wrong)
     for wrong in ({"at": 5}, {"aided": [1.0]}, {"measured": [True]}, {"smoothed": [1.0]}, {"rows": made.state()["rows"] * 30}):
         with pytest.raises(rb.RockerbogieError, match="incomplete or damaged"):
             rb.OdometryFilter.from_state(rover, made.state() | wrong)

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from ..errors import RockerbogieError, require, unknown_name
 from ..ros.joints import parse_names
-from ..ros.parameters import PARAMETERS
+from ..ros.parameters import PARAMETERS, check_value
 from ..rover.formats import load_rover
 from .common import Force
 
@@ -108,6 +108,7 @@ def _given(pairs: list[str]) -> dict[str, Any]:
         if name not in PARAMETERS:
             raise RockerbogieError(f"--set: {unknown_name('parameter', name, PARAMETERS)}")
         found[name] = _value(name, text)
+        check_value(name, found[name])
     return found
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._kernels.odometry import layout as at
-from ..arrays import Array, is_number
+from ..arrays import Array, floats, is_number
 from ..errors import RockerbogieError
 from ..rover.model import Rover
 from .resolution import half_width, smooth
@@ -183,8 +183,8 @@ def read_row(
             if value is None:
                 continue
             try:
-                row[first : first + width] = np.asarray(value, dtype=float)
-            except (TypeError, ValueError):
+                row[first : first + width] = floats(value)
+            except (TypeError, ValueError, OverflowError):
                 raise RockerbogieError(f"{name} is {value!r:.60}; give {width} numbers") from None
     row[np.isinf(row)] = np.nan
     rates = joints.get("wheel_angle") is None

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import is_number
 from ..errors import RockerbogieError, expect
 from ..rover.model import Rover
 from ..settling.settle import settle
@@ -42,6 +43,11 @@ class SlopeSlip:
 
     along: float
     across: float
+
+    def __post_init__(self) -> None:
+        """Check the coefficients; raise if one is not a finite number."""
+        if not (is_number(self.along) and is_number(self.across)):
+            raise RockerbogieError(f"SlopeSlip({self.along!r:.60}, {self.across!r:.60}): give two numbers, along and across")
 
     def slip(self, rolled: Array, ahead: Array, left: Array) -> Array:
         """Return the expected slip on a slope.

@@ -254,9 +254,25 @@ class OdometryFilter:
             made._yaw_offset = float("nan") if state["yaw_offset"] is None else float(state["yaw_offset"])
             tilted, headed = state["measured"]
             made._measured = bool(tilted), bool(headed)
-        except (KeyError, TypeError, ValueError, IndexError) as error:
+            made._check()
+        except (KeyError, TypeError, ValueError, IndexError, OverflowError) as error:
             raise RockerbogieError(f"the state is incomplete or damaged: {error}") from None
         return made
+
+    def _check(self) -> None:
+        """Raise ValueError if a state that was read holds what `state` never returns."""
+        rows = self._rows.rows[: self._rows.count]
+        lengths = np.concatenate([self._aided, self._unaided])
+        if (self._track is None) != (len(rows) == 0) or self._rows.base < 0:
+            raise ValueError("rows and track do not belong together")
+        if not (np.isfinite(rows[:, [*range(6), TIME]]).all() and (np.diff(rows[:, TIME]) > 0).all()):
+            raise ValueError("wheels or times of the rows are not finite, or times do not grow")
+        if not (self._track is None or np.isfinite(self._track).all()):
+            raise ValueError("the track is not finite")
+        if not (np.isfinite(lengths).all() and (lengths >= 0).all()):
+            raise ValueError("aided and unaided are no lengths")
+        if not (self._by_rate is None or isinstance(self._by_rate, bool)):
+            raise ValueError("by_rate is neither true nor false")
 
     def _confirm(self, smoothed: Array) -> Estimate:
         """Continue the track by the next row, which becomes final, and return the estimate there."""

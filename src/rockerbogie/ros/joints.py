@@ -29,7 +29,7 @@ def parse_names(pairs: Sequence[str]) -> dict[str, str]:
         Their names -> ours.
 
     Raises:
-        RockerbogieError: a text that is not a pair.
+        RockerbogieError: a text that is not a pair, or a joint that is given twice.
     """
     found = {}
     for pair in pairs:
@@ -38,6 +38,8 @@ def parse_names(pairs: Sequence[str]) -> dict[str, str]:
             continue
         if not (theirs.strip() and equals and ours.strip()):
             raise RockerbogieError(f"joint_names: {pair!r} is not a pair; give THEIRS=OURS, as in corner_fl=-steering_LF")
+        if theirs.strip() in found:
+            raise RockerbogieError(f"joint_names: {theirs.strip()!r} is given twice; give each of your joints once")
         found[theirs.strip()] = ours.strip()
     return found
 

@@ -30,7 +30,7 @@ from .costmap_part import LATCHED, CostMapPart
 from .health import diagnoses
 from .intake import AGREEING, Intake, Row
 from .joints import JointReader, MotorNames, parse_names, read_description
-from .parameters import PARAMETERS
+from .parameters import PARAMETERS, check_value, refusal
 from .track_file import load_track, save_track
 
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
@@ -52,6 +52,13 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
         received: number of messages by kind.
     """
 
+    # ROS destroys a node whose parameters it refuses: these exist before them
+    rover: Rover | None = None
+    commands: CommandPart | None = None
+    cost_map: CostMapPart | None = None
+    active = False
+    _made: Sequence[Any] = ()
+
     def __init__(self, name: str = "rockerbogie", **options: Any) -> None:
         """Make an unconfigured node.
 
@@ -65,13 +72,8 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
                 self.declare_parameter(key, parameter.default)
         self._values: dict[str, Any] = {}
         self.add_on_set_parameters_callback(self._on_set)
-        self.rover: Rover | None = None
-        self.active = False
-        self.commands: CommandPart | None = None
-        self.cost_map: CostMapPart | None = None
         self._description = ""
         self._logged: dict[str, tuple[int, float]] = {}
-        self._made: list[Any] = []
         self._waiting_for_description: Any = None
 
     def value(self, name: str) -> Any:
@@ -89,13 +91,10 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
 
     def _on_set(self, parameters: Sequence[Any]) -> Any:
         """Accept parameters that need no new configuration, and all before it."""
-        fixed = [p.name for p in parameters if self.rover is not None and p.name in PARAMETERS and not PARAMETERS[p.name].live]
-        if fixed:
-            reason = f"{', '.join(fixed)} is read when the node is configured: clean it up first"
-            return SetParametersResult(successful=False, reason=reason)
-        for parameter in parameters:
-            self._values.pop(parameter.name, None)
-        return SetParametersResult(successful=True)
+        reason = refusal({p.name: p.value for p in parameters}, self.rover is not None)
+        if not reason:
+            self._values.clear()
+        return SetParametersResult(successful=not reason, reason=reason)
 
     # Transitions
 
@@ -169,15 +168,16 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
         Returns:
             SUCCESS.
         """
-        if self.rover is not None:
-            self.stop()
-            self.save()
+        self.stop()
+        self.save()
         self.active = False
         self._release()
         return SUCCESS
 
     def _configure(self) -> None:
         """Make all parts from the parameters."""
+        for name in PARAMETERS:
+            check_value(name, self.value(name))
         names = parse_names(self.value("joint_names"))
         description = self.value("robot_description") or self._description
         if self.value("rover"):
@@ -222,18 +222,18 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
                 self.get_logger().warning("tf2_msgs is not installed: /tf is not published")
             else:
                 self.tf = self.create_lifecycle_publisher(self._transforms, "/tf", 100)
-        self._made = [made for made in (self.odom, self.state, self.tf) if made is not None]
+        self._made = parts = [made for made in (self.odom, self.state, self.tf) if made is not None]
         if self.value("publish_robot_description"):
             publisher = self.create_publisher(String, "robot_description", LATCHED)
             publisher.publish(String(data=to_urdf(rover)))
-            self._made.append(publisher)
-        self._made += [
+            parts.append(publisher)
+        parts += [
             self.create_subscription(JointState, "joint_states", self._on_joints, sensors),
             self.create_timer(1.0 / self.value("command_rate"), self._on_command_timer),
             self.create_timer(1.0 / self.value("state_rate"), self._on_state_timer),
         ]
         if self.value("use_imu"):
-            self._made.append(self.create_subscription(ImuMessage, "imu/data", self._on_imu, sensors))
+            parts.append(self.create_subscription(ImuMessage, "imu/data", self._on_imu, sensors))
         self.commands = CommandPart(self, rover, self.motors)
         if self.value("cost_map"):
             self.cost_map = CostMapPart(

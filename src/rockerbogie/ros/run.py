@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import rclpy
+from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.parameter import Parameter
 
@@ -34,8 +35,9 @@ def main(args: Sequence[str] | None = None, name: str = "rockerbogie", values: M
         rclpy.init(args=None if args is None else ["rockerbogie", *args])
         overrides = [Parameter(key, value=value) for key, value in (values or {}).items()]
         node = RoverNode(name, parameter_overrides=overrides)
-    except (RuntimeError, ValueError) as error:
-        raise RockerbogieError(f"ROS does not start: {error}") from None
+    except (RuntimeError, ValueError, ParameterException, NameValidationException) as error:
+        rclpy.try_shutdown()
+        raise RockerbogieError(f"ROS does not start: {' '.join(str(error).split())}") from None
     try:
         if node.value("autostart") and not node.start():
             return 2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import uuid
 from pathlib import Path
 
 from ..errors import RockerbogieError
@@ -22,14 +23,17 @@ def load_track(rover: Rover, file: str) -> OdometryFilter | None:
         The filter, or `None` if the file does not exist.
 
     Raises:
-        RockerbogieError: a file that cannot be read, or that holds another rover's track.
+        RockerbogieError: a file that cannot be read or written, or that holds another rover's track.
     """
-    if not file or not Path(file).exists():
+    if not file:
         return None
     try:
+        check_outputs([file])  # now, not only when the track is saved
+        if not Path(file).exists():
+            return None
         state = json.loads(Path(file).read_text(encoding="utf-8"))
         return OdometryFilter.from_state(rover, state["filter"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RockerbogieError) as error:
         raise RockerbogieError(f"state_file {file!r} cannot be used: {error}") from None
 
 
@@ -47,8 +51,12 @@ def save_track(odometer: OdometryFilter, file: str) -> None:
     """
     try:
         check_outputs([file])
-        part = Path(f"{file}.part")
-        part.write_text(json.dumps({"source": SOURCE, "filter": odometer.state()}), encoding="utf-8")
-        part.replace(file)
+        part = Path(f"{file}.{uuid.uuid4().hex}.part")
+        part.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            part.write_text(json.dumps({"source": SOURCE, "filter": odometer.state()}), encoding="utf-8")
+            part.replace(file)
+        finally:
+            part.unlink(missing_ok=True)
     except (OSError, RockerbogieError) as error:
         raise RockerbogieError(f"the track was not saved: {error}") from None
