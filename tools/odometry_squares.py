@@ -7,7 +7,7 @@ The square lies on `surfaces.mars(seed, k=0.07, size=2 * side + 12)`. It is pass
 its sides and at 19 headings on each corner, with status CONVERGED (joints within their limits) and the body clear of the
 terrain. The rover is driven by `WheelController` (contact angles, load sharing) and `OdometryFilter`, as by the ROS 2 node. A
 line has the distance, simulated time, error of the last position, its share of the distance, stated standard deviation of x
-and y, and the share of the way that was doubted.
+and y, the share of the way that was doubted, and that of the poses at which the rover cannot stand.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ ROCKS = 0.07
 STEP, HEADINGS = 0.02, 19
 
 
-def passable(rover: rb.Rover, seed: int, side: float) -> bool:
-    """Return True if the rover can stand everywhere on the square of a seed."""
+def blocked(rover: rb.Rover, seed: int, side: float) -> float:
+    """Return the share of the poses on the square of a seed at which the rover cannot stand; 0 if it is passable."""
     terrain = rb.surfaces.mars(seed=seed, k=ROCKS, size=2 * side + 3 * MARGIN)
     half, along = side / 2, np.arange(-side / 2, side / 2 + 1e-9, STEP)
     poses = [np.stack(np.broadcast_arrays(along, -half, 0.0)), np.stack(np.broadcast_arrays(half, along, np.pi / 2))]
@@ -36,7 +36,7 @@ def passable(rover: rb.Rover, seed: int, side: float) -> bool:
     for k, corner in enumerate(((half, -half), (half, half), (-half, half))):
         poses.append(np.stack(np.broadcast_arrays(*corner, (k + np.linspace(0.0, 1.0, HEADINGS)) * np.pi / 2)))
     pose = rb.settle(rover, terrain, *np.concatenate(poses, axis=1))
-    return bool((pose.status == rb.Status.CONVERGED).all() and (pose.clearance > 0).all())
+    return 1.0 - float(((pose.status == rb.Status.CONVERGED) & (pose.clearance > 0)).mean())
 
 
 def main() -> None:
@@ -47,19 +47,22 @@ def main() -> None:
     options.add_argument("--count", type=int, default=5, help="number of passable squares")
     options.add_argument("--limit", type=float, default=600.0, help="simulated time at which a drive ends, s")
     given = options.parse_args()
-    print("| rover | seed | corners | distance | time | error | of distance | stated sigma x, y | doubted |")
-    print("|---|---|---|---|---|---|---|---|---|")
+    print("| rover | seed | corners | distance | time | error | of distance | stated sigma x, y | doubted | blocked |")
+    print("|---|---|---|---|---|---|---|---|---|---|")
     for name in given.rovers:
         side, speed = TRACKS[name]
         rover = rb.load_rover(name)
-        seeds = given.seeds or itertools.islice((seed for seed in itertools.count() if passable(rover, seed, side)), given.count)
+        seeds = given.seeds or itertools.islice(
+            (seed for seed in itertools.count() if not blocked(rover, seed, side)), given.count
+        )
         for seed in seeds:
             robot = SimulatedRover(name, seed, ROCKS, side)
             found = drive_by_odometry(robot, speed, 4, True, True, REACHED, given.limit)
             sigma = np.sqrt(np.diag(found.estimate.pose_covariance)[:2])
             print(
                 f"| {name} | {seed} | {found.corners} | {robot.length:.1f} m | {found.time:.0f} s | {found.error:.2f} m | "
-                f"{100 * found.error / robot.length:.2f} % | {sigma[0]:.2f} m, {sigma[1]:.2f} m | {100 * found.doubted:.1f} % |",
+                f"{100 * found.error / robot.length:.2f} % | {sigma[0]:.2f} m, {sigma[1]:.2f} m | {100 * found.doubted:.1f} % | "
+                f"{100 * blocked(rover, seed, side):.1f} % |",
                 flush=True,
             )
 
