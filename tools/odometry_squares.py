@@ -28,7 +28,7 @@ STEP, HEADINGS = 0.02, 19
 
 
 def blocked(rover: rb.Rover, seed: int, side: float) -> float:
-    """Return the share of the poses on the square of a seed at which the rover cannot stand; 0 if it is passable."""
+    """Return the share of poses on a square at which the rover cannot stand; 0 if passable."""
     terrain = rb.surfaces.mars(seed=seed, k=ROCKS, size=2 * side + 3 * MARGIN)
     half, along = side / 2, np.arange(-side / 2, side / 2 + 1e-9, STEP)
     poses = [np.stack(np.broadcast_arrays(along, -half, 0.0)), np.stack(np.broadcast_arrays(half, along, np.pi / 2))]

@@ -1,4 +1,4 @@
-"""Wrong parameters of the node: each is refused with a sentence, and no file of a user is replaced."""
+"""Wrong parameters of the node: each gives a sentence, and no file of a user is replaced."""
 
 from __future__ import annotations
 

@@ -148,7 +148,7 @@ def _steps_on(interpolation: Interpolation) -> Iterator[Callable[[], object]]:
 
 
 def _common_steps() -> Iterator[Callable[[], object]]:
-    """Yield the calls that compile the kernels which do not depend on the interpolation, in order."""
+    """Yield the calls that compile the kernels of both interpolations, in order."""
     from ..figures.render import Camera, Mesh, render
     from ..logs.odometry import odometry
     from ..motion.body_twist import body_twist
