@@ -26,13 +26,14 @@ from rockerbogie.simulation.mjcf import add_mechanism, empty_spec
 ROVERS = ("curiosity", "osr", "sawppy")
 #: Ranges of the slope of planes, and of required friction, that are compared.
 SLOPES, FRICTIONS = (np.radians(5.0), np.radians(35.0)), (0.05, 1.2)
-#: Time step; time in which gravity sets in, in which the rover comes to rest, and in which friction falls, s.
-STEP, SETTLING, PARKING, LOWERING = 0.002, 0.4, 1.6, 15.0
+#: Time step; time in which gravity sets in, and in which the rover comes to rest, s.
+STEP, SETTLING, PARKING = 0.002, 0.4, 1.6
+#: Times (s) after that, and friction coefficients relative to the required one, between which friction falls linearly. Near 1 it
+#: falls slowly: a rover that begins to slide needs a second or two to move by `SLID`.
+TIMES, FACTORS = (0.0, 3.0, 35.0), (1.6, 1.25, 0.85)
 #: Share of the wheelbase that the body moves, or angle (rad) by which a joint turns, if the rover is lost while it is parked; and
 #: if it slides after that.
 FAR, SLID = 0.04, 0.02
-#: Friction coefficients between which it falls, relative to the required one.
-BOUNDS = (1.6, 0.8)
 
 #: Tips: friction coefficient, rate of gravity's turn (rad/s) and change of attitude or of a joint (rad) that counts as a tip.
 GRIP, RATE, MOVED = 1.3, np.radians(0.1), np.radians(10.0)
@@ -88,11 +89,10 @@ class Parked:
         mujoco, model = self.mujoco, self.model
         data = mujoco.MjData(model)
         data.qpos[:] = self.start.qpos
-        high, low = BOUNDS
-        parking, lowering = int(PARKING / STEP), int(LOWERING / STEP)
+        parking = int(PARKING / STEP)
         parked = self.start.qpos
-        for n in range(parking + lowering):
-            factor = high + (low - high) * max(n - parking, 0) / lowering
+        for n in range(parking + int(TIMES[-1] / STEP)):
+            factor = float(np.interp(n * STEP - PARKING, TIMES, FACTORS))
             model.geom_friction[self.wheels, 0] = factor * required
             model.opt.gravity[2] = -9.81 * min(1.0, n * STEP / SETTLING)
             mujoco.mj_step(model, data)
