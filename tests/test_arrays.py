@@ -54,6 +54,14 @@ def test_text_and_bools_are_no_numbers(wrong: object) -> None:
         floats(wrong)
 
 
+def test_masked_values_are_nan() -> None:
+    hidden = np.ma.array([1.0, 2.0], mask=[False, True])
+    assert np.array_equal(floats(hidden), [1.0, np.nan], equal_nan=True)
+    rover, terrain = rb.load_rover("osr"), rb.surfaces.fractal(3)
+    with pytest.raises(rb.RockerbogieError, match="x is not finite in 1 of 2 poses"):
+        rb.settle(rover, terrain, hidden, 0.0)
+
+
 def test_numbers_in_any_form_become_floats() -> None:
     for given in (3, 3.0, np.float32(3), np.uint8(3), [3], (3.0,), np.array([3], dtype=object)):
         assert floats(given).dtype == float

@@ -33,13 +33,13 @@ def is_number(value: object) -> bool:
 def floats(value: object) -> Array:
     """Return numbers as an array of floats.
 
-    NumPy alone takes text such as "3" and bools for numbers.
+    NumPy alone takes text such as "3" and bools for numbers, and the hidden values of a masked array.
 
     Args:
         value: a number, or numbers in any form that NumPy takes as an array.
 
     Returns:
-        (...) float64; not a copy of an array of floats.
+        (...) float64, NaN where it is masked; not a copy of an array of floats.
 
     Raises:
         TypeError: text, bools, dates or complex numbers.
@@ -49,7 +49,8 @@ def floats(value: object) -> Array:
     kind = array.dtype.kind
     if kind not in "fiuO" or (kind == "O" and any(isinstance(item, str | bytes | bool) for item in array.flat)):
         raise TypeError(f"{value!r:.60} is not a number")
-    return np.asarray(array, dtype=float)
+    numbers = np.asarray(array, dtype=float)
+    return np.where(np.ma.getmaskarray(value), np.nan, numbers) if np.ma.isMaskedArray(value) else numbers
 
 
 def spanned(array: Array, shape: tuple[int, ...]) -> Array:

@@ -61,19 +61,18 @@ def compile_kernels(progress: Callable[[int, int], None] | None = None) -> Compi
     if progress is not None:
         notice.silence()
     before, stored, start = notice.compiled_count(), _stored(), time.perf_counter()
-    total, done, second = sum(STEPS.values()), 0, None
+    total, second = sum(STEPS.values()), None
+    steps = ((group, step) for group in STEPS for step in _steps(group))
     try:
-        for group in STEPS:
-            if second is not None and group == "linear":
-                second.wait()  # the steps load what it has stored, and compile the rest
-            with compile_first():
-                for step in _steps(group):
-                    if progress is not None:
-                        progress(done, total)
-                    step()
-                    done += 1
-                    if second is None and group != "linear" and notice.compiled_count() > before and (os.cpu_count() or 1) > 1:
-                        second = subprocess.Popen([sys.executable, "-c", PROGRAM], stderr=subprocess.DEVNULL)
+        with compile_first():
+            for done, (group, step) in enumerate(steps):
+                if progress is not None:
+                    progress(done, total)
+                if second is not None and group == "linear":
+                    second.wait()  # the steps load what it has stored, and compile the rest
+                step()
+                if second is None and group != "linear" and notice.compiled_count() > before and (os.cpu_count() or 1) > 1:
+                    second = subprocess.Popen([sys.executable, "-c", PROGRAM], stderr=subprocess.DEVNULL)
     finally:
         if second is not None:
             second.kill()

@@ -316,7 +316,7 @@ class OdometryFilter:
         lengths = zip(self._aided.tolist(), self._unaided.tolist(), has, strict=True)
         share = [without / (with_ + without) if with_ + without > 0 else float(not now) for with_, without, now in lengths]
         before = track[at.T_LENGTH]
-        T, P, length = continue_track(
+        T, P, lengths_slip = continue_track(
             track, track_noise(float(self._weights[at.W_WHEELBASE]), *share), np.array([dt]), motion, attitude[None]
         )
         if keep:
@@ -324,7 +324,7 @@ class OdometryFilter:
             for part, now in enumerate(has):
                 (self._aided if now else self._unaided)[part] += travelled
             self._regain(track, measured, b)
-        return self._estimate(b, motion, track, T[0], P[0], length[0])
+        return self._estimate(b, motion, track, T[0], P[0], lengths_slip[0])
 
     def _regain(self, track: Array, measured: tuple[bool, bool], row: Array) -> None:
         """Reset attitude errors and heading offset where a sensor begins or begins again.
@@ -345,7 +345,9 @@ class OdometryFilter:
             self._yaw_offset = float(np.arctan2(R[1, 0], R[0, 0]) - row[ATTITUDE + 2])
         self._measured = measured
 
-    def _estimate(self, row: Array, motion: IntervalMotion | None, track: Array, T: Array, P: Array, length: Array) -> Estimate:
+    def _estimate(
+        self, row: Array, motion: IntervalMotion | None, track: Array, T: Array, P: Array, lengths_slip: Array
+    ) -> Estimate:
         """Return the estimate at a row."""
         nothing, joints = np.full(6, np.nan), or_zero(row[STEERING : BOGIE + 2])  # steering, rocker, bogies
         return Estimate(
@@ -361,7 +363,7 @@ class OdometryFilter:
             joints[:6],
             float(joints[6]),
             joints[7:],
-            *length.tolist(),
+            *lengths_slip.tolist(),
         )
 
 

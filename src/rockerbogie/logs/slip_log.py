@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arrays import Array
+from ..arrays import Array, floats
 from ..errors import RockerbogieError, expect
 from ..files.tables import Table, read_columns
 from ..rover.model import LOAD_ROVER, Rover
@@ -145,8 +145,8 @@ def arrange_slip_log(log: xr.Dataset) -> xr.Dataset:
 def _floats(log: xr.Dataset, name: str) -> Array:
     """Return a variable of a slip log as floats, or raise."""
     try:
-        return np.asarray(log[name].to_numpy(), dtype=float)
-    except (TypeError, ValueError):
+        return floats(log[name].to_numpy())
+    except (TypeError, ValueError, OverflowError):
         raise RockerbogieError(f"{name} in the slip log is of type {log[name].dtype}: give numbers") from None
 
 

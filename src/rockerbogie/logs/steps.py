@@ -165,11 +165,13 @@ def continue_track(
         slip share.
     """
     n = len(dt)
-    T, P, length = np.empty((n, 4, 4)), np.empty((n, 6, 6)), np.empty((n, 3))
+    T, P, lengths_slip = np.empty((n, 4, 4)), np.empty((n, 6, 6)), np.empty((n, 3))
     z = np.full(1, np.nan) if height is None else np.ascontiguousarray(height)
     measured = np.ascontiguousarray(attitude)
-    track_kernel.track_batch(state, noise, dt, motion.motion, motion.covariance, motion.rolling, measured, z, T, P, length, 0, n)
-    return T, P, length
+    track_kernel.track_batch(
+        state, noise, dt, motion.motion, motion.covariance, motion.rolling, measured, z, T, P, lengths_slip, 0, n
+    )
+    return T, P, lengths_slip
 
 
 def pose_of(state: Array, noise: Array) -> tuple[Array, Array, Array]:
@@ -182,9 +184,9 @@ def pose_of(state: Array, noise: Array) -> tuple[Array, Array, Array]:
     Returns:
         T_world_body (4, 4), covariance (6, 6), and (3,) horizontal and three-dimensional length, m, and the slip share.
     """
-    T, P, length = np.empty((4, 4)), np.empty((6, 6)), np.empty(3)
-    track_kernel.set_pose(state, noise, T, P, length)
-    return T, P, length
+    T, P, lengths_slip = np.empty((4, 4)), np.empty((6, 6)), np.empty(3)
+    track_kernel.set_pose(state, noise, T, P, lengths_slip)
+    return T, P, lengths_slip
 
 
 def turns(attitude: Array) -> Array:

@@ -27,7 +27,7 @@ class Track:
 
     T: Array  # (n + 1, 4, 4) T_world_body
     covariance: Array  # (n + 1, 6, 6) of position and rotation about fixed axes, m² and rad²
-    length: Array  # (n + 1, 3) horizontal and three-dimensional length of the path, m, and slip share
+    lengths_slip: Array  # (n + 1, 3) horizontal and three-dimensional length of the path, m, and slip share
 
 
 def integrate(
@@ -53,10 +53,10 @@ def integrate(
     state = new_track(start, s.attitude[0], motion.normal[0])
     first = pose_of(state, noise)
     later = continue_track(state, noise, np.diff(s.time), motion, s.attitude[1:], None if z is None else z[1:])
-    T, covariance, length = (np.concatenate([a[None], b]) for a, b in zip(first, later, strict=True))
+    T, covariance, lengths_slip = (np.concatenate([a[None], b]) for a, b in zip(first, later, strict=True))
     if z is not None:
         T[:, 2, 3] = z
-    return Track(T, covariance, length)
+    return Track(T, covariance, lengths_slip)
 
 
 def track_dataset(rover: Rover, s: Readings, track: Track, motion: IntervalMotion) -> xr.Dataset:
@@ -91,7 +91,7 @@ def track_dataset(rover: Rover, s: Readings, track: Track, motion: IntervalMotio
         "roll_slip": (("time", "wheel"), late(motion.residual[..., 0]), "m/s", "slip along the wheel's path"),
         "side_slip": (("time", "wheel"), late(motion.residual[..., 1]), "m/s", "slip across the wheel's path, to its left"),
         "slip_share": (
-            ("time",), track.length[:, 2], "1", "RMS slip of the wheels against each other, as a share of their rim speed",
+            ("time",), track.lengths_slip[:, 2], "1", "RMS slip of the wheels against each other, as a share of their rim speed",
         ),
         "twist_covariance": (
             ("time", "component", "component_column"), late(motion.covariance[:, :6, :6]), "(m/s, rad/s)²", "covariance of twist",
@@ -103,8 +103,8 @@ def track_dataset(rover: Rover, s: Readings, track: Track, motion: IntervalMotio
     }  # fmt: skip
     coords = {
         "time": ("time", s.time, {"units": "s", "long_name": "time"}),
-        "distance": ("time", track.length[:, 0], {"units": "m", "long_name": "horizontal distance along the path"}),
-        "distance_3d": ("time", track.length[:, 1], {"units": "m", "long_name": "length of the path in three dimensions"}),
+        "distance": ("time", track.lengths_slip[:, 0], {"units": "m", "long_name": "horizontal distance along the path"}),
+        "distance_3d": ("time", track.lengths_slip[:, 1], {"units": "m", "long_name": "length of the path in three dimensions"}),
         "wheel": list(rover.wheel_names),
         "component": list(TWIST),
         "component_column": list(TWIST),

@@ -178,6 +178,18 @@ def test_recorded_commands_repeat_the_drive(rover: rb.Rover) -> None:
     np.testing.assert_allclose(again["y"][-1], run["y"][-1], atol=1e-6)
 
 
+def test_rates_that_change_alone_continue_from_the_same_pose(rover: rb.Rover) -> None:
+    terrain, start = rb.surfaces.fractal(3), (0.0, 0.0, 0.4)
+    run = rb.predict(rover, terrain, start, rb.Path.straight((0, 0), 0.4, 1.0), friction=0.8, speed=0.05)
+    commands = run[["wheel_rate", "steering"]].copy(deep=True)
+    commands["wheel_rate"][:] = 0.4
+    same = rb.predict(rover, terrain, start, commands, friction=0.8)
+    commands["wheel_rate"][commands.sizes["time"] // 2 :] += 1e-12
+    changed = rb.predict(rover, terrain, start, commands, friction=0.8)
+    for name in ("x", "y", "z", "roll", "rocker", "clearance", "normal_force", "wheel_torque", "slip_ratio", "status"):
+        np.testing.assert_allclose(changed[name], same[name], rtol=1e-6, atol=1e-8, err_msg=name)
+
+
 def test_records_are_a_subset_of_all_steps(rover: rb.Rover) -> None:
     path = rb.Path.straight((0, 0), 0.0, 3.0)
     every = rb.predict(rover, tilted(8.0), (10.0, 10.0, 0.3), path, friction=0.8, step=0.1)

@@ -264,7 +264,7 @@ def advance(
 @njit
 def track_batch(
     state: Array, noise: Array, dt: Array, motion: Array, covariance: Array, rolling: Array, attitude: Array, height: Array,
-    T: Array, P: Array, length: Array, start: int, stop: int,
+    T: Array, P: Array, lengths_slip: Array, start: int, stop: int,
 ) -> None:  # fmt: skip
     """Continue a track by intervals, and record each pose.
 
@@ -279,19 +279,19 @@ def track_batch(
         height: (n,) or (1,) z at the ends, m, which replace the integrated ones; NaN where not known.
         T: (n, 4, 4) filled with T_world_body at the ends.
         P: (n, 6, 6) filled with the covariance of the pose, m² and rad².
-        length: (n, 3) filled with the horizontal and the three-dimensional length of the track, m, and the slip share.
+        lengths_slip: (n, 3) filled with the horizontal and the three-dimensional length of the track, m, and the slip share.
         start, stop: range of intervals, in order.
     """
     work = np.empty(60)
     for k in range(start, stop):
         z = height[k if height.shape[0] > 1 else 0]
         advance(state, noise, dt[k], motion[k], covariance[k], rolling[k], attitude[k], z, work)
-        set_pose(state, noise, T[k], P[k], length[k])
+        set_pose(state, noise, T[k], P[k], lengths_slip[k])
 
 
 @njit
-def set_pose(state: Array, noise: Array, T: Array, P: Array, length: Array) -> None:
-    """Compute pose, covariance and length of a track's state.
+def set_pose(state: Array, noise: Array, T: Array, P: Array, lengths_slip: Array) -> None:
+    """Compute pose, covariance, lengths and slip share of a track's state.
 
     Args:
         state: (T_SIZE,) of the track.
@@ -299,7 +299,7 @@ def set_pose(state: Array, noise: Array, T: Array, P: Array, length: Array) -> N
         T: (4, 4) filled with T_world_body.
         P: (6, 6) filled, with the error of the length that all wheels share, that of the wheels' mean height, and that of
             doubted displacement, which may not have happened at all.
-        length: (3,) filled with the lengths, m, and the slip share.
+        lengths_slip: (3,) filled with the lengths, m, and the slip share.
     """
     for i in range(3):
         for j in range(3):
@@ -315,4 +315,4 @@ def set_pose(state: Array, noise: Array, T: Array, P: Array, length: Array) -> N
             P[i, j] += noise[N_SHARED] * state[T_MOVED + i] * state[T_MOVED + j]
             P[i, j] += state[T_DOUBTED + i] * state[T_DOUBTED + j]
     P[2, 2] += noise[N_HEIGHT] * min(state[T_LENGTH] / noise[N_SLIP_LENGTH], 1.0)
-    length[0], length[1], length[2] = state[T_FLAT], state[T_LENGTH], slip_share(state)
+    lengths_slip[0], lengths_slip[1], lengths_slip[2] = state[T_FLAT], state[T_LENGTH], slip_share(state)
