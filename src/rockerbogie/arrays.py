@@ -45,6 +45,8 @@ def floats(value: object) -> Array:
         TypeError: text, bools, dates or complex numbers.
         ValueError, OverflowError: rows of different length; a number beyond the largest float.
     """
+    if type(value) is np.ndarray and value.dtype == float:
+        return value
     array = np.asarray(value)
     kind = array.dtype.kind
     if kind not in "fiuO" or (kind == "O" and any(isinstance(item, str | bytes | bool) for item in array.flat)):

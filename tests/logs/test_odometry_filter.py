@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 
 import rockerbogie as rb
+from rockerbogie._kernels.odometry.frames import rim_contacts
 from rockerbogie.logs import steps
 from rockerbogie.logs.channels import LogReport
 from rockerbogie.logs.readings import Readings
 from rockerbogie.motion.body_twist import RatePrior, SensorNoise, body_twist
 from rockerbogie.motion.jacobian import SimpleStance
+from rockerbogie.rover.frames import contact_frames, wheel_frames
+from rockerbogie.rover.rotations import body_transform
 from support.helpers import assert_close
 
 JOINTS, IMU = ("wheel_angle", "wheel_rate", "steering", "rocker", "bogie"), ("roll", "pitch", "yaw", "gyro")
@@ -192,6 +195,21 @@ def test_the_tip_margin_is_near_that_of_the_settled_pose(rover, run):
     k = run.sizes["time"] - 1
     pose = rb.settle(rover, ground, *(float(run[name][k]) for name in ("x", "y", "yaw")), steering=run["steering"].values[k])
     assert_close(e.tip_margin, rb.stability(pose).tip_margin, np.radians(3.0), "rad", "settled on the map")
+
+
+def test_contacts_of_the_tip_margin_are_those_of_the_frames(rover):
+    chance = np.random.default_rng(5)
+    for _ in range(20):
+        roll, pitch, yaw = chance.uniform(-0.5, 0.5, 3) * (1.0, 1.0, 6.0)
+        joints, angle = chance.uniform(-0.3, 0.3, 9), chance.uniform(-0.5, 0.5, 6)
+        joints[:6] *= rover.steers
+        T = body_transform(1.0, 2.0, 3.0, roll, pitch, yaw)
+        q, normal, point = np.empty(6), np.empty((6, 3)), np.empty((6, 3))
+        found = rim_contacts(rover.packed, rover.steers, T, joints, angle, q, normal, point)
+        frames = contact_frames(rover, wheel_frames(rover, joints[6], joints[7:], joints[:6]), angle)
+        assert_close(np.array([found, *q]), np.array([yaw, 0.0, roll, pitch, *joints[6:]]), 1e-12, "rad", "angles")
+        assert_close(normal, frames[:, :3, 2] @ T[:3, :3].T, 1e-12, "", "normals")
+        assert_close(point, frames[:, :3, 3] @ T[:3, :3].T, 1e-12, "m", "points from the body's reference point")
 
 
 @pytest.mark.parametrize(

@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._kernels.odometry import layout as at
+from .._kernels.odometry import rows as row_kernel
 from ..arrays import Array, is_number
 from ..errors import RockerbogieError, expect
 from ..rover.model import LOAD_ROVER, Rover
 from .channels import LogReport
 from .estimate import Estimate
-from .filter_rows import ATTITUDE, BOGIE, SIZE, STEERING, TIME, Stretch, interval_reading, or_zero, read_row
+from .filter_rows import Stretch, read_row
 from .odometry import SlopeSlip
 from .readings import Readings
 from .steps import (
@@ -90,9 +91,10 @@ class OdometryFilter:
         self._start = (x, y, z)
         slopes = (0.0, 0.0) if soil is None else (soil.along, soil.across)
         self._weights = weights_of(rover, UNKNOWN_SLOPE, self.joint_error, slopes)
+        self._steers = rover.steers.copy()
         self._rows = Stretch(self.window)
         self._at = 0  # row of the stretch at which the track ends
-        self._smoothed = np.full(SIZE, np.nan)
+        self._smoothed = np.full(at.S_SIZE, np.nan)
         self._track: Array | None = None
         self._stepped = False
         self._aided, self._unaided = np.zeros(2), np.zeros(2)  # length with and without attitude, suspension sensors, m
@@ -141,8 +143,8 @@ class OdometryFilter:
             RockerbogieError: a time that does not grow, wheels that are missing or not finite, or a shape that does not fit.
         """
         rows = self._rows
-        before = float(rows.last[TIME]) if rows.count else -np.inf
-        row, self._by_rate = read_row(self.rover, t, joints, {} if imu is None else imu, before, self._by_rate)
+        before = float(rows.last[at.S_TIME]) if rows.count else -np.inf
+        row, self._by_rate = read_row(self._steers, t, joints, {} if imu is None else imu, before, self._by_rate)
         if self._track is None:
             self._smoothed = row
             track = self._begin(row)
@@ -154,7 +156,7 @@ class OdometryFilter:
         last = rows.last
         rows.sum_turn(last, row)
         confirmed: list[Estimate] = []
-        if rows.reach and row[TIME] - last[TIME] > rows.gap():
+        if rows.reach and row[at.S_TIME] - last[at.S_TIME] > rows.gap():
             confirmed += self.finish()
             confirmed.append(self._step(last, row, last, row))
             self._at, self._smoothed = 0, row
@@ -241,13 +243,13 @@ class OdometryFilter:
                 window=settings["window"],
                 joint_error=settings["joint_error"],
             )
-            rows = _array(state["rows"]).reshape(-1, SIZE)
+            rows = _array(state["rows"]).reshape(-1, at.S_SIZE)
             made._rows.count = len(rows)
             made._rows.rows[: len(rows)] = rows
             made._rows.base, made._at = int(state["base"]), int(state["at"])
             if rows.size and not made._rows.base <= made._at <= made._rows.newest:
                 raise ValueError(f"no row {made._at}")
-            made._smoothed = _array(state["smoothed"]).reshape(SIZE)
+            made._smoothed = _array(state["smoothed"]).reshape(at.S_SIZE)
             made._track = None if state["track"] is None else _array(state["track"]).reshape(at.T_SIZE)
             made._stepped, made._by_rate = bool(state["stepped"]), state["by_rate"]
             made._aided, made._unaided = _array(state["aided"]).reshape(2), _array(state["unaided"]).reshape(2)
@@ -265,7 +267,7 @@ class OdometryFilter:
         lengths = np.concatenate([self._aided, self._unaided])
         if (self._track is None) != (len(rows) == 0) or self._rows.base < 0:
             raise ValueError("rows and track do not belong together")
-        if not (np.isfinite(rows[:, [*range(6), TIME]]).all() and (np.diff(rows[:, TIME]) > 0).all()):
+        if not (np.isfinite(rows[:, [*range(6), at.S_TIME]]).all() and (np.diff(rows[:, at.S_TIME]) > 0).all()):
             raise ValueError("wheels or times of the rows are not finite, or times do not grow")
         if not (self._track is None or np.isfinite(self._track).all()):
             raise ValueError("the track is not finite")
@@ -285,7 +287,7 @@ class OdometryFilter:
         """Make the track at its first row, and return its state (T_SIZE,)."""
         reading = self._reading(row, row, row, row, 1.0)
         motion = interval_motion(self.rover, self._weights, reading)
-        attitude = row[ATTITUDE : ATTITUDE + 3]
+        attitude = row[at.S_ATTITUDE : at.S_ATTITUDE + 3]
         self._track = track = new_track(self._start, attitude, motion.normal[0])
         self._measured = isfinite(attitude[0]) and isfinite(attitude[1]), isfinite(attitude[2])
         if self._measured[1]:
@@ -294,7 +296,9 @@ class OdometryFilter:
 
     def _reading(self, a: Array, b: Array, A: Array, B: Array, dt: float) -> Array:
         """Return the readings (1, R_SIZE) of the interval between rows a and b, smoothed A and B."""
-        return interval_reading(a, b, A, B, dt, by_rate=bool(self._by_rate), smoothed=self._rows.reach > 0)
+        reading = np.empty((1, at.R_SIZE))
+        row_kernel.interval_reading(a, b, A, B, dt, bool(self._by_rate), self._rows.reach > 0, reading[0])
+        return reading
 
     def _step(self, a: Array, b: Array, A: Array, B: Array, *, keep: bool = True) -> Estimate:
         """Return the estimate at row b, one row after a; A and B are these rows smoothed.
@@ -302,13 +306,13 @@ class OdometryFilter:
         If `keep`, the track continues from there. Otherwise the filter's state stays unchanged.
         """
         assert self._track is not None
-        dt = float(b[TIME] - a[TIME])
+        dt = float(b[at.S_TIME] - a[at.S_TIME])
         reading = self._reading(a, b, A, B, dt)
         motion = interval_motion(self.rover, self._weights, reading)
         if keep and not self._stepped:
-            self._track = new_track(self._start, a[ATTITUDE : ATTITUDE + 3], motion.normal[0])
+            self._track = new_track(self._start, a[at.S_ATTITUDE : at.S_ATTITUDE + 3], motion.normal[0])
             self._stepped = True
-        attitude = b[ATTITUDE : ATTITUDE + 3].copy()
+        attitude = b[at.S_ATTITUDE : at.S_ATTITUDE + 3].copy()
         measured = isfinite(attitude[0]) and isfinite(attitude[1]), isfinite(attitude[2])
         attitude[2] += self._yaw_offset  # NaN before the first heading, which then continues the track's own
         track = self._track if keep else self._track.copy()
@@ -342,29 +346,25 @@ class OdometryFilter:
                 P[k, k] = ATTITUDE_SIGMA[k - 3] ** 2
         if measured[1] and np.isnan(self._yaw_offset):
             R = track[at.T_ROTATION : at.T_ROTATION + 9].reshape(3, 3)
-            self._yaw_offset = float(np.arctan2(R[1, 0], R[0, 0]) - row[ATTITUDE + 2])
+            self._yaw_offset = float(np.arctan2(R[1, 0], R[0, 0]) - row[at.S_ATTITUDE + 2])
         self._measured = measured
 
     def _estimate(
         self, row: Array, motion: IntervalMotion | None, track: Array, T: Array, P: Array, lengths_slip: Array
     ) -> Estimate:
         """Return the estimate at a row."""
-        nothing, joints = np.full(6, np.nan), or_zero(row[STEERING : BOGIE + 2])  # steering, rocker, bogies
+        joints = row[at.S_STEERING : at.S_BOGIE + 2].copy()  # steering, rocker, bogies
+        joints[np.isnan(joints)] = 0.0
+        if motion is None:
+            nothing = np.full(6, np.nan)
+            twist, covariance, slip, angle = nothing, np.full((6, 6), np.nan), np.full((6, 3), np.nan), nothing
+        else:
+            twist, covariance = motion.motion[0, :6], motion.covariance[0, :6, :6]
+            slip, angle = motion.residual[0], motion.contact_angle[0]
         return Estimate(
-            self.rover,
-            float(row[TIME]),
-            T,
-            P,
-            nothing if motion is None else motion.motion[0, :6],
-            np.full((6, 6), np.nan) if motion is None else motion.covariance[0, :6, :6],
-            nothing if motion is None else motion.residual[0, :, 0],
-            nothing if motion is None else motion.residual[0, :, 1],
-            nothing if motion is None else motion.contact_angle[0],
-            joints[:6],
-            float(joints[6]),
-            joints[7:],
-            *lengths_slip.tolist(),
-        )
+            self.rover, float(row[at.S_TIME]), T, P, twist, covariance, slip[:, 0], slip[:, 1], angle,
+            joints[:6], float(joints[6]), joints[7:], *lengths_slip.tolist(),
+        )  # fmt: skip
 
 
 def _numbers(values: Array) -> Any:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from .._kernels.odometry.frames import rim_contacts
 from .._kernels.statics import loads as kernel
 from .._kernels.statics.lane_tipping import MARGIN
 from .._kernels.statics.mechanism import BELLY
 from ..arrays import Array
-from ..rover.frames import contact_frames, wheel_frames
 from ..rover.model import Rover
-from ..rover.rotations import euler_angles
 from ..statics.stability import GRIP
 
 NO_BELLY = np.full((1, BELLY, 3), np.nan)
@@ -32,18 +31,15 @@ def tip_margin(rover: Rover, T: Array, rocker: float, bogie: Array, steering: Ar
     Returns:
         Tip margin as of `stability`, rad; NaN if the rover has no mass, or an angle is NaN.
     """
-    angles = np.concatenate([T.ravel(), [rocker], bogie, steering, contact_angle])
-    if not (rover.mass > 0.0 and np.isfinite(angles).all()):
+    joints = np.concatenate([steering, [rocker], bogie])
+    if not (rover.mass > 0.0 and np.isfinite(T).all() and np.isfinite(joints).all() and np.isfinite(contact_angle).all()):
         return float("nan")
-    R = T[:3, :3]
-    roll, pitch, yaw = euler_angles(R)
-    contact = contact_frames(rover, wheel_frames(rover, rocker, bogie, steering), contact_angle)[:, :3, 2:]
-    normal, point = (contact.transpose(2, 0, 1) @ R.T)[:, None]
-    q = np.array([[0.0, roll, pitch, rocker, bogie[0], bogie[1]]])
+    q, normal, point, yaw = np.empty((1, 6)), np.empty((1, 6, 3)), np.empty((1, 6, 3)), np.empty(1)
+    yaw[0] = rim_contacts(rover.packed, rover.steers, T, joints, contact_angle, q[0], normal[0], point[0])
     margin, bound, direction = np.empty((3, 1))
     unwanted = np.empty(0)
     kernel.stability_batch(
-        rover.packed, np.array([yaw]), steering[None], q, point, normal, NO_LINES, NO_STOPS, NO_BELLY, NO_BELLY, GRIP, MARGIN,
+        rover.packed, yaw, steering[None], q, point, normal, NO_LINES, NO_STOPS, NO_BELLY, NO_BELLY, GRIP, MARGIN,
         margin, bound, direction, np.empty((1, 6), dtype=bool), np.empty(1, dtype=bool), unwanted, unwanted, 0, 1,
     )  # fmt: skip
     return float(margin[0])

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit.decorators import njit
-from ..model.linkage import BOGIE_L, PITCH, ROCKER, ROLL, Z, body_axes
+from ..model.linkage import BOGIE_L, P_RADIUS, PITCH, ROCKER, ROLL, Z, body_axes
 from .layout import R_BOGIE, R_ROCKER, R_SIZE, R_STEERING
 from .motion import ASIDE, AXLE, FORWARD, HUB, UP, set_wheels
 
@@ -40,6 +40,44 @@ def wheel_frames_batch(
                 T[k, i, n, 0], T[k, i, n, 1] = frame[i, FORWARD + n], frame[i, AXLE + n]
                 T[k, i, n, 2], T[k, i, n, 3] = frame[i, UP + n], frame[i, HUB + n]
             T[k, i, 3, 0], T[k, i, 3, 1], T[k, i, 3, 2], T[k, i, 3, 3] = 0.0, 0.0, 0.0, 1.0
+
+
+@njit
+def rim_contacts(
+    rover: Array, steers: NDArray[np.bool_], T: Array, joints: Array, contact: Array, q: Array, normal: Array, point: Array
+) -> float:
+    """Compute the contacts in the middle of six rims, at given contact angles.
+
+    Args:
+        rover: (P_SIZE,) packed rover.
+        steers: (6,) True for wheels that steer.
+        T: (4, 4) T_world_body.
+        joints: (9,) steering, rocker and bogie angles, rad.
+        contact: (6,) contact angles, rad.
+        q: (6,) filled with 0 for z, and roll, pitch, rocker, bogies, rad.
+        normal: (6, 3) filled with contact normals in the world.
+        point: (6, 3) filled with contact points from the body's reference point, in the world's axes, m.
+
+    Returns:
+        Yaw, rad.
+    """
+    reading, frame, joint = np.zeros(R_SIZE), np.empty((6, 12)), np.empty((6, 4, 6))
+    reading[R_STEERING : R_STEERING + 6] = joints[:6]
+    reading[R_ROCKER : R_ROCKER + 3] = joints[6:]
+    set_wheels(rover, steers, reading, frame, joint)
+    q[Z], q[ROLL], q[PITCH] = 0.0, math.atan2(T[2, 1], T[2, 2]), -math.asin(min(max(T[2, 0], -1.0), 1.0))
+    q[ROCKER : ROCKER + 3] = joints[6:]
+    for i in range(6):
+        c, s, r = math.cos(contact[i]), math.sin(contact[i]), rover[P_RADIUS + i]
+        for n in range(3):
+            normal[i, n] = point[i, n] = 0.0
+        for k in range(3):
+            up = s * frame[i, FORWARD + k] + c * frame[i, UP + k]
+            place = frame[i, HUB + k] - r * up
+            for n in range(3):
+                normal[i, n] += T[n, k] * up
+                point[i, n] += T[n, k] * place
+    return math.atan2(T[1, 0], T[0, 0])
 
 
 @njit

@@ -1,6 +1,17 @@
-"""Layout of the flat arrays of odometry: readings of an interval, weights, track."""
+"""Layout of the flat arrays of odometry: readings, weights, track, commands."""
 
 from __future__ import annotations
+
+# Row of the filter: the readings at one time, NaN where a sensor gives none.
+S_WHEEL = 0  # (6,) wheel rates, rad/s, or wheel angles, rad
+S_STEERING = 6  # (6,) rad
+S_ROCKER = 12  # rad
+S_BOGIE = 13  # (2,) rad
+S_ATTITUDE = 15  # (3,) roll, pitch and yaw, rad; yaw without wraps
+S_GYRO = 18  # (3,) angular velocity in the body frame, rad/s
+S_TURN = 21  # (3,) rotation vector, summed over the rows, rad
+S_TIME = 24  # s
+S_SIZE = 25
 
 # Readings of an interval; NaN where a sensor gives none. Angles are those midway, rates the means over the interval.
 R_WHEEL = 0  # (6,) wheel rates, rad/s
