@@ -46,7 +46,7 @@ class Estimate:
     def doubted(self) -> bool:
         """True if the wheels contradict each other: the rover may be stuck (`slip_share` above 0.2).
 
-        The displacement meanwhile is part of the pose covariance, as if it had not happened.
+        The displacement meanwhile becomes part of the pose covariance: from 0.2 to 0.3, its share rises from none to all.
         """
         return self.slip_share > DOUBT
 

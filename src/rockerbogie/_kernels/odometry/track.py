@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 
 #: Rotation angle below which series replace quotients, rad.
 SMALL = 1e-6
+#: Above the share from which displacement is doubted, the doubt rises from none to all over this share of it.
+RISE = 0.5
 
 
 @njit
@@ -253,11 +255,10 @@ def advance(
     kept = math.exp(-rolling[1] * time / noise[N_DOUBT_LENGTH])
     state[T_SLIP] = kept * state[T_SLIP] + (1.0 - kept) * rolling[0]
     state[T_RIM] = kept * state[T_RIM] + (1.0 - kept) * rolling[1]
-    doubted = slip_share(state) > noise[N_DOUBT]
+    doubt = min(1.0, max(0.0, (slip_share(state) / noise[N_DOUBT] - 1.0) / RISE))
     for i in range(3):
         state[T_MOVED + i] += step[i]
-        if doubted:
-            state[T_DOUBTED + i] += step[i]
+        state[T_DOUBTED + i] += doubt * step[i]
     R[:] = S
 
 
