@@ -83,11 +83,19 @@ def test_a_file_of_another_program_is_no_state_file(content, tmp_path):
     file = tmp_path / "track.json"
     file.write_bytes(content)
     rover = rb.load_rover("osr")
-    with pytest.raises(rb.RockerbogieError, match=r"state_file .*track\.json.* cannot be used"):
+    remedy = "was not written by rockerbogie: set state_file to another name, or move that file away$"
+    with pytest.raises(rb.RockerbogieError, match=r"state_file .*track\.json.* cannot be used: .*" + remedy):
         load_track(rover, str(file))
-    with pytest.raises(rb.RockerbogieError, match="the track was not saved"):
+    with pytest.raises(rb.RockerbogieError, match="the track was not saved: .*" + remedy):
         save_track(rb.OdometryFilter(rover), str(file))
     assert file.read_bytes() == content
+
+
+def test_a_state_file_without_a_state_is_refused(tmp_path):
+    file = tmp_path / "track.json"
+    file.write_text('{"source": "rockerbogie 0.1.0"}', encoding="utf-8")
+    with pytest.raises(rb.RockerbogieError, match=r"cannot be used: it holds no 'filter'$"):
+        load_track(rb.load_rover("osr"), str(file))
 
 
 def test_a_state_file_is_checked_before_the_drive(tmp_path):
