@@ -131,6 +131,11 @@ def test_unknown_bands_and_windows_are_refused(raster, more, says):
         rb.Terrain.from_raster(raster(np.ones((10, 10), dtype=np.float32)), **more)
 
 
+def test_a_mask_of_single_bits_is_no_raster_of_heights(raster):
+    with pytest.raises(rb.TerrainError, match=r"band 1 of dem.tif holds single bits, a mask and not heights"):
+        rb.Terrain.from_raster(raster(np.eye(10, dtype=np.uint8), nbits=1))
+
+
 @pytest.mark.parametrize("value, kind", [(-32768, np.int16), (-9999, np.int32), (-9999, np.float32)])
 def test_an_unmarked_no_data_value_gives_a_warning(raster, value, kind):
     z = np.arange(100).reshape(10, 10).astype(kind)

@@ -50,7 +50,8 @@ def floats(value: object) -> Array:
     array = np.asarray(value)
     kind = array.dtype.kind
     if kind not in "fiuO" or (kind == "O" and any(isinstance(item, str | bytes | bool) for item in array.flat)):
-        raise TypeError(f"{value!r:.60} is not a number")
+        shown = f"{array.dtype.name} {array}" if array.ndim else repr(value)
+        raise TypeError(f"{' '.join(shown.split()):.60} is not a number")
     numbers = np.asarray(array, dtype=float)
     return np.where(np.ma.getmaskarray(value), np.nan, numbers) if np.ma.isMaskedArray(value) else numbers
 

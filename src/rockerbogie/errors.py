@@ -78,7 +78,19 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:
         One sentence that suggests a name and lists all of them.
     """
     names = sorted(known)
-    lower = {known_name.lower(): known_name for known_name in names}
+    return f"no {kind} named {name!r}{did_you_mean(name, names) or '.'} Known: {', '.join(names)}."
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return the end of a sentence that suggests the known name most similar to an unknown one.
+
+    Args:
+        name: the unknown name.
+        known: all known names.
+
+    Returns:
+        For example "; did you mean 'osr'?"; "" if no known name is similar.
+    """
+    lower = {known_name.lower(): known_name for known_name in known}
     near = difflib.get_close_matches(name.lower(), lower, n=1, cutoff=0.4)
-    hint = f"; did you mean {lower[near[0]]!r}?" if near else "."
-    return f"no {kind} named {name!r}{hint} Known: {', '.join(names)}."
+    return f"; did you mean {lower[near[0]]!r}?" if near else ""

@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numba
@@ -24,6 +25,7 @@ from rockerbogie._kernels.verify import gap
 from rockerbogie.bench import compilation
 from rockerbogie.cli import main
 from rockerbogie.figures import raster_kernels
+from support.patience import PATIENCE
 
 #: Kernels called from Python, and the number of their signatures: 2 where the two kinds of terrain have code of their own.
 SIGNATURES = {
@@ -96,6 +98,22 @@ def test_every_kernel_is_compiled_in_advance(tmp_path: Path, capsys: pytest.Capt
     }
     assert main(["compile"]) == 0
     assert capsys.readouterr().out == f"all kernels were compiled already: {compiled.folder}\n"
+
+
+@pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
+def test_the_second_process_ends_with_the_first(tmp_path: Path) -> None:
+    """Kill the first while the second compiles: the pipe that both write to then ends."""
+    code = "import time; from rockerbogie.bench import compilation; second = compilation.start_second(); time.sleep(1e4)"
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    with subprocess.Popen([sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE) as first:
+        try:
+            end = time.monotonic() + PATIENCE
+            while not any(tmp_path.rglob("*.nbc")):
+                assert time.monotonic() < end, "the second process stored nothing"
+                time.sleep(0.1)
+        finally:
+            first.kill()
+        assert first.communicate(timeout=PATIENCE) == (b"", None)
 
 
 def test_disabled_compiler_is_refused() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import shutil
 
 import numpy as np
@@ -11,7 +12,9 @@ import pytest
 
 import rockerbogie as rb
 from rockerbogie.cli import main
-from rockerbogie.logs.benchmark import _check_scale, plane_attitude
+from rockerbogie.logs import benchmark
+from rockerbogie.logs.benchmark import plane_attitude
+from rockerbogie.logs.benchmark_entry import check_scale
 from support.helpers import assert_close
 
 X, Y, YAW = np.array([-3.0, 0.0, 2.5, 4.0]), np.array([1.0, -2.0, 3.0, -3.5]), np.array([0.3, 2.0, -1.0, 3.0])
@@ -202,10 +205,10 @@ def test_small_angles_in_another_unit_are_refused():
     """Check angles below 1.57, whose size alone does not give the unit away."""
     logged = np.radians([[1.0, -0.5], [0.7, 0.2], [-1.2, 0.9], [0.1, 1.4]])
     with pytest.raises(rb.RockerbogieError, match="in deg"):
-        _check_scale("mine.csv", np.degrees(logged) + 0.1, logged)
-    _check_scale("mine.csv", 0.3 * logged, logged)
-    _check_scale("mine.csv", np.zeros_like(logged), logged)
-    _check_scale("mine.csv", np.full_like(logged, np.nan), logged)
+        check_scale("mine.csv", np.degrees(logged) + 0.1, logged)
+    check_scale("mine.csv", 0.3 * logged, logged)
+    check_scale("mine.csv", np.zeros_like(logged), logged)
+    check_scale("mine.csv", np.full_like(logged, np.nan), logged)
 
 
 @pytest.mark.parametrize("text", [b"", b"\n\n", b"case,pitch [deg],roll [deg]\n", b"a,b\n1,2\n", bytes(range(256)), None])
@@ -249,6 +252,46 @@ def test_repeated_case_is_refused(folder, tmp_path):
     (tmp_path / "mine.csv").write_text("case,pitch [deg],roll [deg]\ngale/960,1,1\ngale/960,2,2\n")
     with pytest.raises(rb.RockerbogieError, match="rows 2 and 3"):
         rb.benchmark_mars(folder, tmp_path / "mine.csv", draws=0)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (None, "mine.csv cannot be read as CSV: No such file or directory"),
+        ("", "holds no rows of numbers"),
+        ("case,pitch [deg],roll [deg]\n", "holds no rows of numbers below its header"),
+        ("a,b\n1,2\n", "has no column 'case'; it has a, b"),
+        ("case|pitch [deg]|roll [deg]\ngale/960|1|1\n", "has no column 'case'"),
+        ("case,pitch [deg],pitch [deg],roll [deg]\ngale/960,1,1,1\n", "2 columns named 'pitch'"),
+        ("case,pitch [deg],roll [deg]\ngale/960,high,1\n", "'high', which is no number"),
+        ("case,pitch [deg],roll [deg]\ngale/960,nan,1\n", "pitch or roll is missing"),
+        ("case,pitch [deg],roll [deg]\ngale/960,1000,1\n", "pitch is 1000 deg, beyond 90 deg"),
+        ("case,pitch [grad],roll [deg]\ngale/960,1,1\n", "'grad', which is not a known unit"),
+        ("case,pitch,roll\ngale/960,1,1\n", "has no unit"),
+        ("case,pitch [deg],roll [deg]\ngale/9,1,1\n", "no case named 'gale/9'"),
+        ("case,pitch [deg],roll [deg]\ngal\xe9,1,1\n", "it is not UTF-8 text"),
+    ],
+)
+def test_wrong_predictions_are_refused_before_poses_are_settled(folder, tmp_path, monkeypatch, text, says):
+    monkeypatch.setattr(benchmark, "validate", lambda *_, **__: pytest.fail("the terrains were drawn first"))
+    file = tmp_path / "mine.csv"
+    if text is not None:
+        file.write_bytes(text.encode("latin-1"))
+    with pytest.raises(rb.RockerbogieError, match=re.escape(says)):
+        rb.benchmark_mars(folder, file)
+
+
+def test_force_replaces_no_data(folder, tmp_path, capsys):
+    log = folder / "gale" / "curiosity_waypoints.csv"
+    before = log.read_bytes()
+    with pytest.raises(rb.RockerbogieError, match="is the input"):
+        rb.write_benchmark_template(log, folder, force=True)
+    assert main(["benchmark", "mars", "--data", str(folder), "--write-template", str(log), "--force"]) == 2
+    assert "is the input" in capsys.readouterr().err
+    assert log.read_bytes() == before
+    file = tmp_path / "cases.csv"
+    file.write_text("mine")
+    assert rb.write_benchmark_template(file, folder, force=True).read_text().startswith("case,rover,terrain,")
 
 
 def test_missing_data_exit_2(tmp_path, monkeypatch, capsys):

@@ -126,6 +126,9 @@ def test_bad_calls() -> None:
         costs.update(np.zeros((3, 3)), (1.05, -2.0))
     with pytest.raises(rb.RockerbogieError, match="not within the map"):
         costs.update(np.zeros((3, 3)), (0.9, -2.0))
+    for wrong in (np.ones((21, 21), dtype=bool), [["1", "2"], ["3", "4"]]):
+        with pytest.raises(rb.RockerbogieError, match="heights are not numbers: .* is not a number"):
+            costs.replace(wrong, (0.0, 0.0), STEP)
     with pytest.raises(rb.RockerbogieError, match="not a map"):
         costs.update(np.zeros(3), ORIGIN)
     with pytest.raises(rb.RockerbogieError, match="no layer 'tilt'"):

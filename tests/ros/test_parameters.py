@@ -83,11 +83,19 @@ def test_a_file_of_another_program_is_no_state_file(content, tmp_path):
     file = tmp_path / "track.json"
     file.write_bytes(content)
     rover = rb.load_rover("osr")
-    with pytest.raises(rb.RockerbogieError, match=r"state_file .*track\.json.* cannot be used"):
+    remedy = "was not written by rockerbogie: set state_file to another name, or move that file away$"
+    with pytest.raises(rb.RockerbogieError, match=r"state_file .*track\.json.* cannot be used: .*" + remedy):
         load_track(rover, str(file))
-    with pytest.raises(rb.RockerbogieError, match="the track was not saved"):
+    with pytest.raises(rb.RockerbogieError, match="the track was not saved: .*" + remedy):
         save_track(rb.OdometryFilter(rover), str(file))
     assert file.read_bytes() == content
+
+
+def test_a_state_file_without_a_state_is_refused(tmp_path):
+    file = tmp_path / "track.json"
+    file.write_text('{"source": "rockerbogie 0.1.0"}', encoding="utf-8")
+    with pytest.raises(rb.RockerbogieError, match=r"cannot be used: it holds no 'filter'$"):
+        load_track(rb.load_rover("osr"), str(file))
 
 
 def test_a_state_file_is_checked_before_the_drive(tmp_path):
@@ -144,6 +152,8 @@ def test_a_node_with_a_wrong_parameter_does_not_start(values, message, capfd):
     [
         ([], "rockerbogie:\n  ros__parameters:\n    cmd_vel_timeout: 1\n"),
         ([], "rockerbogie:\n  ros__parameters:\n    use_imu: 'yes'\n"),
+        ([], "rockerbogie:\n  ros__parameters:\n    joint_names: []\n"),
+        ([], "rockerbogie:\n  ros__parameters:\n    use_sim_time: 'yes'\n"),
         ([], "rockerbogie: [\n"),
         (["--node-name", "my node"], None),
         (["--namespace", "my space"], None),
@@ -159,3 +169,34 @@ def test_ros_options_that_ros_refuses_end_with_one_sentence(args, text, tmp_path
     assert main(["ros", "--rover", "osr", *args]) == 2
     last = capfd.readouterr().err.strip().splitlines()[-1]
     assert "ROS does not start" in last
+
+
+@needs_ros
+def test_unknown_parameters_of_a_file_are_reported(tmp_path, capfd):
+    """ROS ignores them silently; those of ROS itself and of other nodes are not reported."""
+    use_own_domain()
+    import rclpy
+
+    from rockerbogie.ros.node import RoverNode
+
+    file = tmp_path / "rover.yaml"
+    file.write_text(
+        "/**:\n  ros__parameters:\n    rover: osr\n    cmd_vel_timout: 1.0\n    use_sim_time: true\n    imu: {frame: ned}\n"
+        "    odom_frame: map\n    qos_overrides: {/odom: {publisher: {depth: 3}}}\n"
+        "other_node:\n  ros__parameters:\n    speed: 1.0\n",
+        encoding="utf-8",
+    )
+    context = rclpy.Context()
+    rclpy.init(context=context, args=["rockerbogie", "--ros-args", "--params-file", str(file)])
+    node = RoverNode(context=context)
+    names = set(node.get_parameters_by_prefix(""))
+    values = {name: node.get_parameter(name).value for name in ("rover", "odom_frame", "use_sim_time", "cmd_vel_timeout")}
+    node.destroy_node()
+    context.try_shutdown()
+    said = [line for line in capfd.readouterr().err.splitlines() if "WARN" in line]
+    assert len(said) == 2
+    assert "parameter cmd_vel_timout is not known and has no effect; did you mean 'cmd_vel_timeout'?" in said[0]
+    assert "parameter imu.frame is not known and has no effect; did you mean 'imu_frame'?" in said[1]
+    assert values == {"rover": "osr", "odom_frame": "map", "use_sim_time": True, "cmd_vel_timeout": 0.5}
+    assert names >= PARAMETERS.keys()
+    assert not names & {"cmd_vel_timout", "imu.frame"}

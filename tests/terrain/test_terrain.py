@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.interpolate import RectBivariateSpline, RegularGridInterpolator
 
 import rockerbogie as rb
@@ -251,6 +252,13 @@ def test_the_given_array_is_copied() -> None:
         ({"origin": (0.0, 9.9e8), "spacing": 0.01}, "terrain reaches to y = 9.9e.08 m .* a rounding of 1e-06 of a step"),
         ({"spacing": 1e6, "z": np.zeros((4, 1002))}, "terrain reaches to x = 1.001e.09 m"),
         ({"z": [["a", "b"], ["c", "d"]]}, "heights must be an array of numbers"),
+        ({"z": [["1", "2"], ["3", "4"]]}, "heights must be an array of numbers, .* is not a number"),
+        ({"z": np.eye(6) > 0}, r"heights must be an array of numbers, .*: bool \[\[ True False False .* is not a number"),
+        ({"z": [[True, False], [False, True]]}, "heights must be an array of numbers"),
+        ({"z": np.ma.masked_array(np.eye(6) > 0, np.eye(6) > 0)}, "heights must be an array of numbers"),
+        ({"z": np.zeros((6, 6), "M8[s]")}, "heights must be an array of numbers"),
+        ({"z": np.zeros((6, 6), complex)}, "heights must be an array of numbers"),
+        ({"z": xr.DataArray(np.eye(6) > 0, dims=("y", "x"))}, r"the DataArray does not hold heights: bool \[\[ True False"),
         ({"z": [[1.0, 2.0], [3.0]]}, "heights must be an array of numbers"),
     ],
 )
@@ -264,6 +272,8 @@ def test_masked_heights_are_missing_data() -> None:
     terrain = rb.Terrain.from_array(z, 0.1, interpolation="linear")
     assert np.isnan(terrain.height(4.0, 2.0))
     assert terrain.height(1.0, 2.0) == 0
+    rows = [np.ma.masked_array([1.0, 2.0], [False, True]), [3.0, 4.0]]
+    assert np.array_equal(rb.Terrain.from_array(rows, 1.0, interpolation="linear").z, [[1, np.nan], [3, 4]], equal_nan=True)
 
 
 @pytest.mark.parametrize("kind", KINDS)

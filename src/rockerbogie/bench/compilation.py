@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -29,7 +30,7 @@ Group = Literal[Interpolation, "common"]
 #: Number of steps of each group, in the order in which `compile_kernels` takes the groups.
 STEPS: dict[Group, int] = {"cubic": 12, "common": 11, "linear": 12}
 #: Program of the second process: the kernels of bilinear terrain share few callees with the others.
-PROGRAM = "from rockerbogie.bench.compilation import run_steps; run_steps('linear')"
+PROGRAM = "from rockerbogie.bench.compilation import run_second; run_second('linear')"
 
 
 class Compiled(NamedTuple):
@@ -75,25 +76,45 @@ def compile_kernels(progress: Callable[[int, int], None] | None = None) -> Compi
                     second.wait()  # the steps load what it has stored, and compile the rest
                 step()
                 if second is None and group != "linear" and notice.compiled_count() > before and (os.cpu_count() or 1) > 1:
-                    second = subprocess.Popen([sys.executable, "-c", PROGRAM], stderr=subprocess.DEVNULL)
+                    second = start_second()
     finally:
         if second is not None:
             second.kill()
-            second.wait()
+            second.communicate()  # waits, and closes the pipe
     if progress is not None:
         progress(total, total)
     return Compiled(cache.cache_folders()[-1], len(_stored() - stored), time.perf_counter() - start)
 
 
-def run_steps(group: Group) -> None:
-    """Make the calls of one group.
+def start_second() -> subprocess.Popen[bytes]:
+    """Start the second process; it ends when this one ends, in whatever way.
+
+    Returns:
+        The process.
+    """
+    return subprocess.Popen([sys.executable, "-c", PROGRAM], stdin=subprocess.PIPE, stderr=subprocess.DEVNULL)
+
+
+def run_second(group: Group) -> None:
+    """Make the calls of one group, until the process that started this one ends.
 
     Args:
         group: a key of `STEPS`.
     """
+    threading.Thread(target=_end_with_input, daemon=True).start()
     with compile_first():
         for step in _steps(group):
             step()
+
+
+def _end_with_input() -> None:
+    """End this process when its standard input ends.
+
+    That is a pipe from the process that started this one; the system closes it when that process ends.
+    """
+    while os.read(0, 64):
+        pass
+    os._exit(1)
 
 
 def _stored() -> set[str]:

@@ -14,7 +14,7 @@ from .. import bench as stopwatch
 from ..bench.tables import tables
 from ..errors import RockerbogieError
 from ..files.outputs import SOURCE
-from .common import Force, Json, guard_outputs, make_folder, print_json, progress
+from .common import Force, Json, Whole, guard_outputs, make_folder, print_json, progress
 from .rasters import Raster, load_terrain
 
 #: Lines of a page between which the tables are written.
@@ -23,9 +23,9 @@ MARK, END = "<!-- bench -->", "<!-- end of bench -->"
 
 def bench(
     *,
-    poses: int = 10_000,
-    baseline_poses: int = 20,
-    drops: int = 2,
+    poses: Whole = 10_000,
+    baseline_poses: Whole = 20,
+    drops: Whole = 2,
     terrain: str | None = None,
     raster: Raster = None,
     slowest: bool = False,

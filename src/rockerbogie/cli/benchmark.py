@@ -13,8 +13,8 @@ from rich.console import Console
 from rich.table import Table
 
 from ..errors import RockerbogieError
-from ..logs.benchmark import ENTERED, MarsBenchmark, benchmark_mars, write_benchmark_template
-from .common import Folder, Force, Json, guard_outputs, in_folder, make_folder, print_json, progress
+from ..logs.benchmark import ENTERED, MarsBenchmark, benchmark_mars, data_files, write_benchmark_template
+from .common import Folder, Force, Json, Whole, guard_outputs, in_folder, make_folder, print_json, progress
 
 app = cyclopts.App(name="benchmark", help="Score predictions against what rovers recorded on Mars.")
 #: Columns of the printed table -> their heads.
@@ -28,8 +28,8 @@ def mars(
     data: Path | None = None,
     predictions: Path | None = None,
     write_template: Path | None = None,
-    draws: int = 400,
-    seed: int = 0,
+    draws: Whole = 400,
+    seed: Whole = 0,
     output: Folder = None,
     force: Force = False,
     json: Json = False,
@@ -62,11 +62,11 @@ def mars(
     if write_template is not None:
         if predictions is not None or output is not None:
             raise RockerbogieError("--write-template only writes the cases: give --predictions and -o in a second call")
-        guard_outputs([write_template], force=force)
+        guard_outputs([write_template], *data_files(data), force=force)
         make_folder(write_template.parent)
         print(write_benchmark_template(write_template, data, force=force))
         return
-    guard_outputs(in_folder(output, *FILES), predictions, force=force)
+    guard_outputs(in_folder(output, *FILES), predictions, *data_files(data), force=force)
     with progress() as bar:
         task = bar.add_task("settling on drawn terrains", total=None)
         result = benchmark_mars(

@@ -7,12 +7,12 @@ import math
 import re
 import sys
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import Parameter
+from cyclopts import Parameter, Token
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -37,6 +37,17 @@ Folder = Annotated[Path | None, Parameter(name=["--output", "-o"])]
 Linear = Annotated[bool | None, Parameter(name="--linear", negative="--cubic")]
 Json = Annotated[bool, Parameter(name="--json", negative="")]
 Force = Annotated[bool, Parameter(name="--force", negative="")]
+
+
+def _whole_number(_kind: object, tokens: Sequence[Token]) -> int:
+    """Return an option's text as a whole number; cyclopts alone rounds 1.5 to 2."""
+    try:
+        return int(tokens[0].value)
+    except ValueError:
+        raise ValueError(f"{tokens[0].value!r} is not a whole number") from None
+
+
+Whole = Annotated[int, Parameter(converter=_whole_number)]
 
 
 def parse_point(text: str, option: str) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from ..errors import RockerbogieError
-from .common import RoverName, TerrainName, parse_gravity
+from .common import RoverName, TerrainName, Whole, parse_gravity
 from .rasters import Raster, load_terrain
 
 #: Packages of ROS that the listener imports.
@@ -27,7 +27,7 @@ def lab(
     run: Path | None = None,
     gravity: str = "earth",
     host: str = "127.0.0.1",
-    port: int | None = None,
+    port: Whole | None = None,
     browser: Annotated[bool, Parameter(name="--browser", negative="--no-browser")] = True,
     light: Annotated[bool, Parameter(name="--light", negative="")] = False,
     ros: Annotated[bool, Parameter(name="--ros", negative="")] = False,

@@ -29,7 +29,7 @@ from ..maps.store import check_store, discard_store
 from ..maps.style import write_style
 from ..maps.traversability import traversability
 from ..rover.formats import load_rover
-from .common import Force, Json, Linear, RoverName, guard_outputs, make_folder, parse_gravity, print_json, progress
+from .common import Force, Json, Linear, RoverName, Whole, guard_outputs, make_folder, parse_gravity, print_json, progress
 from .rasters import Raster, RasterOptions, parse_bounds, raster_or_surface
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def map_(
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
     rover: RoverName = "curiosity",
-    headings: int = 16,
+    headings: Whole = 16,
     resolution: float | None = None,
     limits: str = "curiosity",
     tilt: Degrees = None,
@@ -63,8 +63,8 @@ def map_(
     raster: Raster = None,
     layers: str | None = None,
     per_heading: Annotated[bool, Parameter(negative="")] = False,
-    chunk: int = 256,
-    workers: int | None = None,
+    chunk: Whole = 256,
+    workers: Whole | None = None,
     scheduler: str | None = None,
     preview: bool = True,
     force: Force = False,

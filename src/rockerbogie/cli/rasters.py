@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from ..errors import RockerbogieError, TerrainError
 from ..terrain.surface_names import build_surface
-from .common import SURFACE
+from .common import SURFACE, Whole
 
 if TYPE_CHECKING:
     from ..terrain.heightfield import Terrain
@@ -32,7 +32,7 @@ class RasterOptions:
         Side of a cell, m, for a file without georeference. Its south-west corner is then 0,0.
     """
 
-    band: int = 1
+    band: Whole = 1
     window: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None
     cell: float | None = None
 

@@ -35,7 +35,13 @@ _COPIED = frozenset({"Histograms", "Description", "UnitType", "ColorInterp"})
 _RASTERS = frozenset({".tif", ".tiff", ".png", ".nc"})
 
 
-def check_outputs(outputs: Iterable[str | Path], inputs: Iterable[str | Path] = (), *, force: bool = False) -> None:
+def check_outputs(
+    outputs: Iterable[str | Path],
+    inputs: Iterable[str | Path] = (),
+    *,
+    force: bool = False,
+    remedy: str = "give another output name, or --force (force=True) to replace it",
+) -> None:
     """Check that writing `outputs` replaces no input and no file of another program.
 
     Links, relative paths and names that differ only in case are resolved. Existing files that this package wrote may be
@@ -45,6 +51,7 @@ def check_outputs(outputs: Iterable[str | Path], inputs: Iterable[str | Path] = 
         outputs: every file (or .zarr folder) that is about to be written.
         inputs: every file or folder that is read.
         force: allow files of other programs to be replaced; inputs and folders never are.
+        remedy: end of the message for a file of another program.
 
     Raises:
         RockerbogieError: an output is an input, lies in an input folder, is a folder, is named twice, was not written by
@@ -64,9 +71,7 @@ def check_outputs(outputs: Iterable[str | Path], inputs: Iterable[str | Path] = 
             raise RockerbogieError(f"{str(path)!r} is a folder but not a Zarr group: give another name")
         for file in [path, *(side for side in sidecars(path) if not _is_statistics(side))]:
             if os.path.lexists(file) and not force and not is_ours(file):
-                raise RockerbogieError(
-                    f"{str(file)!r} exists and {_why(file)}: give another output name, or --force (force=True) to replace it"
-                )
+                raise RockerbogieError(f"{str(file)!r} exists and {_why(file)}: {remedy}")
         _check_writable(path)
 
 

@@ -201,8 +201,10 @@ def read_columns(path: Path, *, cut_off: bool = False) -> Table:
     try:
         data = path.read_bytes()
         text = data.decode("utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise RockerbogieError(f"{path.name} cannot be read as CSV: {error}") from None
+    except OSError as error:
+        raise RockerbogieError(f"{path.name} cannot be read as CSV: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise RockerbogieError(f"{path.name} cannot be read as CSV: it is not UTF-8 text ({error.reason})") from None
     all_lines = text.splitlines()
     kept = [(n + 1, line) for n, line in enumerate(all_lines) if line.strip() and not line.lstrip().startswith("#")]
     if not kept:

@@ -12,14 +12,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Array
-from ..errors import RockerbogieError, unknown_name
-from ..files.tables import Table, read_columns
+from ..errors import RockerbogieError
+from ..files.outputs import check_outputs
 from ..files.version import __version__
 from ..rover.formats import load_rover
 from ..rover.model import Rover
 from ..settling.uncertainty import interval_score, stands
 from ..terrain.heightfield import Terrain
 from .attitude_log import read_places
+from .benchmark_entry import ENDS, check_scale, read_predictions
 from .validate import CHANNELS, validate
 
 if TYPE_CHECKING:
@@ -29,11 +30,7 @@ if TYPE_CHECKING:
 DATA_VARIABLE = "ROCKERBOGIE_DATA"
 #: Nominal share of values in a band.
 LEVEL = 0.8
-#: Predictions are in the wrong unit if their cosine with the logged angles is above ALIKE, and the ratio of their sizes is
-#: that of radian and degree within a factor MIXED; at least MIXED_COUNT angles must be predicted.
-ALIKE, MIXED, MIXED_COUNT = 0.6, 2.0, 6
 PACKAGE, PLANE, ENTERED = "rockerbogie", "plane", "entered"
-ENDS = ("low", "high")
 
 
 @dataclass(frozen=True)
@@ -126,6 +123,8 @@ def benchmark_mars(
     import xarray as xr
 
     loaded, absent = _load(data)
+    file = None if predictions is None else Path(predictions)
+    entered = None if file is None else read_predictions(file, [name for one in loaded for name in _names(one)])
     parts = []
     for k, one in enumerate(loaded):
         found = validate(one.rover, one.terrain, one.places, level=LEVEL, draws=draws, seed=seed)
@@ -133,10 +132,10 @@ def benchmark_mars(
         if progress is not None:
             progress(k + 1, len(loaded))
     cases = xr.concat(parts, "case", coords="minimal", compat="override", join="override", combine_attrs="drop")
-    if predictions is not None:
-        cases = xr.concat(
-            [cases, _entered(Path(predictions), cases)], "contender", data_vars="minimal", coords="minimal", compat="override"
-        )
+    if file is not None and entered is not None:
+        check_scale(file.name, entered[0], cases["logged"].to_numpy())
+        own = _entered(entered, cases)
+        cases = xr.concat([cases, own], "contender", data_vars="minimal", coords="minimal", compat="override")
     cases.attrs = {"source": f"rockerbogie {__version__} benchmark mars", "level": LEVEL, "draws": draws, "seed": seed}
     return MarsBenchmark(cases, _scores(cases), absent)
 
@@ -164,6 +163,7 @@ def write_benchmark_template(file: str | Path, data: str | Path | None = None, *
         raise RockerbogieError(f"no folder at {str(path.parent)!r}: make it, or give another name")
     if path.exists() and not force:
         raise RockerbogieError(f"{str(path)!r} exists and may hold predictions: give another name")
+    check_outputs([path], data_files(data), force=force)
     loaded, _ = _load(data)
     wanted = [*CHANNELS, *(f"{channel}_{end}" for channel in CHANNELS for end in ENDS)]
     with open(path, "w", newline="", encoding="utf-8") as stream:
@@ -177,8 +177,24 @@ def write_benchmark_template(file: str | Path, data: str | Path | None = None, *
     return path
 
 
-def _load(data: str | Path | None) -> tuple[list[_Loaded], dict[str, str]]:
-    """Return the sets whose files exist, and the reasons why the others are left out."""
+def data_files(data: str | Path | None = None) -> list[Path]:
+    """Return the files that `benchmark_mars` can read.
+
+    Args:
+        data: as for `benchmark_mars`.
+
+    Returns:
+        Paths of terrain models and logs that exist.
+
+    Raises:
+        RockerbogieError: no data folder.
+    """
+    folder = _folder(data)
+    return [file for about in SETS for name in (about.terrain, *about.logs) if (file := folder / name).is_file()]
+
+
+def _folder(data: str | Path | None) -> Path:
+    """Return the folder of the data, or raise."""
     given = data if data is not None else os.environ.get(DATA_VARIABLE)
     if not given:
         raise RockerbogieError(
@@ -190,6 +206,12 @@ def _load(data: str | Path | None) -> tuple[list[_Loaded], dict[str, str]]:
     folder = Path(given)
     if not folder.is_dir():
         raise RockerbogieError(f"no data folder at {str(given)!r}: give the folder that holds gale/ and perseverance/")
+    return folder
+
+
+def _load(data: str | Path | None) -> tuple[list[_Loaded], dict[str, str]]:
+    """Return the sets whose files exist, and the reasons why the others are left out."""
+    folder = _folder(data)
     loaded, absent = [], {}
     for about in SETS:
         files = []
@@ -219,6 +241,12 @@ def _case(one: _Loaded, row: int) -> str:
     return f"{one.about.name}/{one.places['place'].to_numpy()[row]}"
 
 
+def _names(one: _Loaded) -> list[str]:
+    """Return the names of the cases of a set, which differ."""
+    names = [_case(one, int(row)) for row in _positions(one.places)]
+    return names if len(set(names)) == len(names) else [f"{name}#{k + 1}" for k, name in enumerate(names)]
+
+
 def _scored_cases(one: _Loaded, found: xr.Dataset) -> xr.Dataset:
     """Return the cases of one set with predictions of package and plane."""
     import xarray as xr
@@ -229,9 +257,6 @@ def _scored_cases(one: _Loaded, found: xr.Dataset) -> xr.Dataset:
     plane = plane_attitude(one.rover, one.terrain, *(at[name].to_numpy() for name in ("x", "y", "yaw")))
     missing = np.full(shape, np.nan)
     bands = [at[end].to_numpy() if end in at else missing for end in ENDS]
-    names = [_case(one, int(row)) for row in rows]
-    if len(set(names)) < len(names):
-        names = [f"{name}#{k + 1}" for k, name in enumerate(names)]
     rad = {"units": "rad"}
     over = ("contender", "case", "channel")
     return xr.Dataset(
@@ -243,7 +268,7 @@ def _scored_cases(one: _Loaded, found: xr.Dataset) -> xr.Dataset:
             **{name: ("case", at[name].to_numpy(), at[name].attrs) for name in ("x", "y", "yaw", "place")},
             "set": ("case", [one.about.name] * len(rows)),
         },
-        {"case": names, "channel": list(CHANNELS), "contender": [PACKAGE, PLANE]},
+        {"case": _names(one), "channel": list(CHANNELS), "contender": [PACKAGE, PLANE]},
     )
 
 
@@ -267,75 +292,14 @@ def plane_attitude(rover: Rover, terrain: Terrain, x: Array, y: Array, yaw: Arra
     return np.stack([-np.arctan(slope[:, 0]), np.arctan(slope[:, 1] * np.cos(np.arctan(slope[:, 0])))], axis=-1)
 
 
-def _entered(file: Path, cases: xr.Dataset) -> xr.Dataset:
-    """Return another program's predictions as a contender."""
+def _entered(values: Array, cases: xr.Dataset) -> xr.Dataset:
+    """Return another program's predictions (3, cases, 2) as a contender."""
     import xarray as xr
 
-    table = read_columns(file)
-    names, known = table.text("case"), {str(name): k for k, name in enumerate(cases["case"].to_numpy())}
-    values = np.full((3, len(known), len(CHANNELS)), np.nan)  # predicted, low, high
-    read = [[_angles(table, f"{channel}{end}", required=not end) for channel in CHANNELS] for end in ("", "_low", "_high")]
-    seen: dict[str, int] = {}
-    for n, name in enumerate(names):
-        if name not in known:
-            raise RockerbogieError(f"{table.file}: row {table.lines[n]}: {unknown_name('case', name, known)}")
-        if name in seen:
-            raise RockerbogieError(f"{table.file}: rows {seen[name]} and {table.lines[n]} both predict {name}: leave one out")
-        seen[name] = table.lines[n]
-        if np.isnan(read[0][0][n]) != np.isnan(read[0][1][n]):
-            raise RockerbogieError(
-                f"{table.file}: row {table.lines[n]}: pitch or roll is missing: give both, or leave both empty"
-            )
-        values[:, known[name]] = [[column[n] for column in kind] for kind in read]
-        low, high = values[1:, known[name]]
-        if (np.isnan(low) != np.isnan(high)).any() or (low > high).any():
-            raise RockerbogieError(
-                f"{table.file}: row {table.lines[n]}: a band needs both ends, low <= high: correct them or leave both empty"
-            )
-    if not np.isfinite(values[0]).all(axis=1).any():
-        raise RockerbogieError(f"{table.file} predicts no case: fill in pitch and roll")
-    _check_scale(table.file, values[0], cases["logged"].to_numpy())
     over = ("contender", "case", "channel")
     made = {name: (over, values[k : k + 1]) for k, name in enumerate(("predicted", *ENDS))}
     others = [name for name in cases.data_vars if name not in made]
     return xr.Dataset(made, {"contender": [ENTERED]}).assign(cases[others])
-
-
-def _check_scale(file: str, predicted: Array, logged: Array) -> None:
-    """Raise if predictions are proportional to logged angles by the ratio of radian and degree.
-
-    Args:
-        file: name, for the message.
-        predicted, logged: (n, 2) rad; NaN where not predicted.
-    """
-    known = np.isfinite(predicted).all(axis=1) & np.isfinite(logged).all(axis=1)
-    p, q = predicted[known].ravel(), logged[known].ravel()
-    if p.size < MIXED_COUNT or not min(np.abs(p).max(), np.abs(q).max()) > 0.0:
-        return
-    alike = (p @ q) / np.sqrt((p @ p) * (q @ q))
-    ratio = np.sqrt((p @ p) / (q @ q))
-    for factor, wrong, right in ((np.pi / 180.0, "deg", "rad"), (180.0 / np.pi, "rad", "deg")):
-        if alike > ALIKE and abs(np.log(ratio / factor)) < np.log(MIXED):
-            raise RockerbogieError(
-                f"{file}: the angles are {ratio:.3g} times the logged ones: they are in {right}, but the header has [{wrong}]"
-            )
-
-
-def _angles(table: Table, name: str, *, required: bool) -> Array:
-    """Return a column of angles, rad; NaN if it is missing and not required."""
-    k = table.find(name)
-    if k is None and not required:
-        return np.full(len(table.lines), np.nan)
-    if k is not None and not table.units[k]:
-        raise RockerbogieError(f"{table.file}: column {name!r} has no unit: write {name} [deg] or {name} [rad] in the header")
-    values = table.numbers(name)
-    beyond = np.flatnonzero(np.abs(values) > np.pi / 2)
-    if len(beyond):
-        n = int(beyond[0])
-        raise RockerbogieError(
-            f"{table.file}: row {table.lines[n]}: {name} is {np.degrees(values[n]):.4g} deg, beyond 90 deg: check its unit"
-        )
-    return values
 
 
 def _scores(cases: xr.Dataset) -> xr.Dataset:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -162,7 +163,7 @@ def _dataset(values: dict[str, Any], name: str) -> xr.Dataset:
             row = int(np.argmax(~np.isfinite(column) | (np.diff(column, prepend=column[0]) < 0))) + 1
             raise RockerbogieError(f"{name}: {key} is not finite or decreases in row {row}: sort the log and fill its gaps")
     took, gone = np.ptp(values["time"]), np.ptp(values["distance"])
-    if gone > FASTEST * took > 0.0:
+    if gone > FASTEST * took:
         raise RockerbogieError(
             f"{name}: the wheels travel {gone:g} m in {took:g} s: give the distance in metres and the time in seconds"
         )
@@ -184,9 +185,15 @@ def _dataset(values: dict[str, Any], name: str) -> xr.Dataset:
 def _steps(path: Path) -> dict[str, Array]:
     """Return the columns of a table of steps: one row per step, in the order of time."""
     try:
-        start, end, slip = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2).T
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # no rows: the error below says so
+            table = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
     except ValueError as error:
-        raise RockerbogieError(f"{path.name} cannot be read as a table of steps: {error}") from None
+        reason = str(error).partition(";")[0]  # after it loadtxt suggests one of its own options
+        raise RockerbogieError(f"{path.name} cannot be read as a table of steps: {reason}") from None
+    if table.shape[1] != len(STEPS) or not np.isfinite(table[:, :2]).all(axis=1).any():
+        raise RockerbogieError(f"{path.name} has no row with a start, an end and a slip: there is nothing to fit")
+    start, end, slip = table.T
     kept = np.flatnonzero(np.isfinite(start) & np.isfinite(end))
     kept = kept[np.argsort(start[kept], kind="stable")]
     travel = np.minimum(STEP_LENGTH, STEP_SPEED * (end - start)[kept])
@@ -201,7 +208,7 @@ def _steps(path: Path) -> dict[str, Array]:
 def _plain(table: Table) -> dict[str, Array]:
     """Return the columns of a CSV whose slip is held between updates."""
     time, slip, distance = table.times("time"), table.numbers("slip"), table.numbers("distance")
-    rows = np.flatnonzero(np.isfinite(slip))
+    rows = np.flatnonzero(~np.isnan(slip))
     changed = rows[np.flatnonzero(np.diff(slip[rows], prepend=np.nan) != 0)]
     new = np.full(len(slip), np.nan)
     new[changed] = slip[changed]

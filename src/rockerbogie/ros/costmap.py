@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from .._kernels.model.ground import META_MAX_CURVATURE, META_STEEP
 from .._kernels.search.tread import SMOOTH
 from .._kernels.simd.layout import SIDE
-from ..arrays import Array
+from ..arrays import Array, floats
 from ..errors import RockerbogieError, expect
 from ..gravity import GRAVITY, check_gravity
 from ..maps.cells import Cells, Span, Tile, cells_over
@@ -279,7 +279,7 @@ class _Grid(NamedTuple):
 def _heights(values: ArrayLike) -> Array:
     """Return heights as (rows, cols) floats, or raise."""
     try:
-        z = np.asarray(values, dtype=float)
+        z = floats(values)
     except (TypeError, ValueError) as error:
         raise RockerbogieError(f"heights are not numbers: {error}") from None
     if z.ndim != 2 or not z.size:

@@ -30,7 +30,7 @@ from .costmap_part import LATCHED, CostMapPart
 from .health import diagnoses
 from .intake import AGREEING, Intake, Row
 from .joints import JointReader, MotorNames, parse_names, read_description
-from .parameters import PARAMETERS, check_value, refusal
+from .parameters import PARAMETERS, check_value, declare, refusal
 from .track_file import load_track, save_track
 
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
@@ -66,10 +66,9 @@ class RoverNode(LifecycleNode):  # type: ignore[misc]
             name: of the node.
             options: of rclpy's nodes: context, namespace, parameter_overrides, …
         """
-        super().__init__(name, **options)
-        for key, parameter in PARAMETERS.items():
-            if not self.has_parameter(key):
-                self.declare_parameter(key, parameter.default)
+        super().__init__(name, **options | {"automatically_declare_parameters_from_overrides": True})
+        for sentence in declare(self):
+            self.get_logger().warning(sentence)
         self._values: dict[str, Any] = {}
         self.add_on_set_parameters_callback(self._on_set)
         self._description = ""

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from math import inf, isfinite
 from typing import Any, NamedTuple
 
-from ..errors import RockerbogieError
+from ..errors import RockerbogieError, did_you_mean
 
 #: Ranges of numbers: any but NaN; rates of timers, Hz; times, lengths and limits.
 ANY, RATE, LENGTH = (-inf, inf), (1e-3, 1e4), (0.0, inf)
@@ -81,8 +81,32 @@ PARAMETERS: dict[str, Parameter] = {
     ),
 }
 
+#: First parts of the names of parameters that ROS declares itself.
+ROS_NAMES = ("use_sim_time", "start_type_description_service", "qos_overrides")
 #: Parameters that must not be empty.
 FRAMES = ("odom_frame", "base_frame", "cost_map_frame")
+
+
+def declare(node: Any) -> list[str]:
+    """Declare the parameters of a node, and report those that it does not have.
+
+    The node must have declared all that it was given (rclpy's automatically_declare_parameters_from_overrides), of any type.
+    These declarations are replaced by those with the types of the defaults, or removed if the name is not known.
+
+    Args:
+        node: an rclpy node.
+
+    Returns:
+        One sentence for each parameter that is not known, with the most similar known name.
+    """
+    given = node.get_parameters_by_prefix("")
+    unknown = sorted(name for name in given if name not in PARAMETERS and name.split(".")[0] not in ROS_NAMES)
+    defaults = {name: parameter.default for name, parameter in PARAMETERS.items()} | {"use_sim_time": False}
+    for name in given.keys() & {*unknown, *defaults}:
+        node.undeclare_parameter(name)
+    for name, default in defaults.items():
+        node.declare_parameter(name, default)
+    return [f"parameter {name} is not known and has no effect{did_you_mean(name, PARAMETERS)}" for name in unknown]
 
 
 def check_value(name: str, value: Any) -> None:

@@ -37,7 +37,8 @@ def main(args: Sequence[str] | None = None, name: str = "rockerbogie", values: M
         node = RoverNode(name, parameter_overrides=overrides)
     except (RuntimeError, ValueError, ParameterException, NameValidationException) as error:
         rclpy.try_shutdown()
-        raise RockerbogieError(f"ROS does not start: {' '.join(str(error).split())}") from None
+        empty = " (a parameter without a value, such as []: give it one, or leave it out)" if "NOT_SET" in str(error) else ""
+        raise RockerbogieError(f"ROS does not start: {' '.join(str(error).split())}{empty}") from None
     try:
         if node.value("autostart") and not node.start():
             return 2

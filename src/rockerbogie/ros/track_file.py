@@ -11,6 +11,9 @@ from ..files.outputs import SOURCE, check_outputs
 from ..logs.odometry_filter import OdometryFilter
 from ..rover.model import Rover
 
+#: End of the message for a file of another program: the node has no --force.
+REMEDY = "set state_file to another name, or move that file away"
+
 
 def load_track(rover: Rover, file: str) -> OdometryFilter | None:
     """Return the filter that a file holds.
@@ -28,13 +31,14 @@ def load_track(rover: Rover, file: str) -> OdometryFilter | None:
     if not file:
         return None
     try:
-        check_outputs([file])  # now, not only when the track is saved
+        check_outputs([file], remedy=REMEDY)  # now, not only when the track is saved
         if not Path(file).exists():
             return None
         state = json.loads(Path(file).read_text(encoding="utf-8"))
         return OdometryFilter.from_state(rover, state["filter"])
     except (OSError, ValueError, KeyError, TypeError, RockerbogieError) as error:
-        raise RockerbogieError(f"state_file {file!r} cannot be used: {error}") from None
+        reason = f"it holds no {error}" if isinstance(error, KeyError) else f"{error}"
+        raise RockerbogieError(f"state_file {file!r} cannot be used: {reason}") from None
 
 
 def save_track(odometer: OdometryFilter, file: str) -> None:
@@ -50,7 +54,7 @@ def save_track(odometer: OdometryFilter, file: str) -> None:
         RockerbogieError: the file cannot be written.
     """
     try:
-        check_outputs([file])
+        check_outputs([file], remedy=REMEDY)
         part = Path(f"{file}.{uuid.uuid4().hex}.part")
         part.parent.mkdir(parents=True, exist_ok=True)
         try:

@@ -324,10 +324,8 @@ def _fill(terrain: Terrain, *values: Any) -> None:
 def _numbers(z: Any, spacing: Any, origin: Any) -> tuple[Array, tuple[float, float], tuple[float, float]]:
     """Return heights, spacing and origin as floats; raise TerrainError if they are not numbers."""
     try:
-        if np.iscomplexobj(z):
-            raise TypeError("they are complex")
         with np.errstate(over="ignore"):  # a long double may become infinite, which is refused
-            heights: Array = np.array(np.ma.filled(np.ma.asarray(z, dtype=float), np.nan))
+            heights = floats(np.ma.asarray(z))  # a copy, as of any masked array; rows may have masks of their own
         step = np.broadcast_to(floats(spacing), (2,))
         corner = floats(origin)
     except (TypeError, ValueError, OverflowError) as error:

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import floats
 from ..errors import TerrainError
 from .georeference import unit_length
 
@@ -68,10 +69,13 @@ def read_labelled(z: Any) -> Labelled:
         raise TerrainError(
             f"the DataArray holds values in {z.attrs['units']!r}, which is not a known length: convert it to metres"
         )
-    values = np.ma.asarray(values, dtype=float) * height
+    try:
+        heights = floats(values) * height
+    except (TypeError, ValueError, OverflowError) as error:
+        raise TerrainError(f"the DataArray does not hold heights: {error}") from None
     axes = [z.coords[name] if name in z.coords else None for name in (cols, rows)]  # noqa: SIM401  (get() makes up indices)
     if axes[0] is None and axes[1] is None:
-        return Labelled(values, None, None, None)
+        return Labelled(heights, None, None, None)
     if axes[0] is None or axes[1] is None or not known:
         raise TerrainError(
             f"the DataArray's dimensions {rows!r} and {cols!r} do not show which is x and which is y, or one has no coordinates: "
@@ -83,10 +87,10 @@ def read_labelled(z: Any) -> Labelled:
         spacing.append(step)
         origin.append(first)
         if backward:
-            values = np.flip(values, axis)
-        if values.shape[1 - k] < 2:
+            heights = np.flip(heights, axis)
+        if heights.shape[1 - k] < 2:
             raise TerrainError("the DataArray has fewer than 2 nodes along a side")
-    return Labelled(values, (spacing[0], spacing[1]), (origin[0], origin[1]), _crs(z))
+    return Labelled(heights, (spacing[0], spacing[1]), (origin[0], origin[1]), _crs(z))
 
 
 def _spacing(coordinate: Any) -> tuple[float, float, bool]:
@@ -101,7 +105,7 @@ def _spacing(coordinate: Any) -> tuple[float, float, bool]:
     if length is None:
         raise TerrainError(f"coordinate {name!r} of the DataArray has unit {unit!r}, which is not a known length")
     try:
-        at = np.asarray(coordinate.values, dtype=float) * length
+        at = floats(coordinate.values) * length
         step = float(at[-1] - at[0]) / (len(at) - 1)
         uneven = float(np.abs(at - (at[0] + step * np.arange(len(at)))).max())
     except (TypeError, ValueError, IndexError, ZeroDivisionError):

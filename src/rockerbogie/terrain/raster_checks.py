@@ -75,6 +75,8 @@ def check_band(file: Any, name: str, band: int) -> None:
         raise TerrainError(f"{name} has {file.count} band(s), counted from 1; band {band!r} is not one of them")
     if np.dtype(file.dtypes[band - 1]).kind not in "iuf":
         raise TerrainError(f"band {band} of {name} holds {file.dtypes[band - 1]}, not heights: choose another band")
+    if file.tags(band, ns="IMAGE_STRUCTURE").get("NBITS") == "1":
+        raise TerrainError(f"band {band} of {name} holds single bits, a mask and not heights: choose another band")
     colour = file.colorinterp[band - 1].name.lower()
     if colour in COLOURS:
         raise TerrainError(

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..._kernels.dynamics import rollout as kernel
 from ..._kernels.jit.parallel import parallel_for
-from ...arrays import Array, is_number
+from ...arrays import Array, floats, is_number
 from ...errors import PathError, RockerbogieError, expect
 from ...gravity import GRAVITY, check_gravity
 from ...rover.model import LOAD_ROVER, Rover
@@ -72,14 +72,14 @@ def predict(
         commands: a Path, whose curvature and direction relative to the body are commanded open loop from the start, with the
             wheel rates at which no wheel would slip forward at the pose; or a Dataset of `wheel_rate`, rad/s, and `steering`,
             rad, over (time, wheel), linear in between. Or a list of either, for one more batch axis.
-        friction: (...) coefficient of friction between wheels and rigid terrain.
+        friction: (...) coefficient of friction between wheels and rigid terrain, above 0.
         soil: instead of friction: name of a soil (`soils`), a law (`Soil`, `SlipCurve`, `Coulomb`), or a list of them for a
             batch axis. Wheels sink; the pose is settled on the surface, without sinkage.
         grousers: on soil: their height, m, or Grousers.
         ruts: on soil: True if wheels behind others run in their ruts.
         speed: horizontal speed along a path, m/s.
-        step: distance of a step, m: along a path, or rolled by the fastest wheel; reduced a little if the length is no
-            multiple of it. Default: a quarter of the smallest wheel radius.
+        step: distance of a step, m, at most the wheelbase: along a path, or rolled by the fastest wheel; reduced a little if
+            the length is no multiple of it. Default: a quarter of the smallest wheel radius.
         tolerance: halve a step, at most 12 times, while the error of its energy balance exceeds this share of the work that
             lifts the rover by the step's length. 1e-6 gives an energy balance to about 1e-6. Default: only a step without a pose
             or a motion is halved, at most 4 times.
@@ -96,7 +96,7 @@ def predict(
         gives the reason. Without batch axes the records end there.
 
     Raises:
-        PathError: speed or step that is not above 0; a speed above 10 m/s; too many steps.
+        PathError: speed or step that is not above 0; a speed above 10 m/s; a step beyond the wheelbase; too many steps.
         RockerbogieError: another argument of a wrong type, shape or value; too many records for memory.
     """
     expect(rover, Rover, "rover", LOAD_ROVER)
@@ -111,8 +111,11 @@ def predict(
     for name, value in (("step", step), ("record", step if record is None else record)):
         if not (is_number(value) and value > 0):
             raise PathError(f"{name} is {value!r:.60} m; give one above 0")
+    wheelbase = float(np.ptp(rover.hubs[..., 0]))
+    if step > wheelbase:
+        raise PathError(f"step is {step:g} m; give at most the wheelbase, {wheelbase:.4g} m (is it in millimetres?)")
     error = np.inf if tolerance is None else tolerance
-    if not (isinstance(error, int | float | np.number) and error > 0.0):
+    if tolerance is not None and not (is_number(tolerance) and tolerance > 0.0):
         raise RockerbogieError(f"tolerance is {tolerance!r:.60}; give a number above 0, such as 1e-6")
     mu, grip = _force_law(rover, friction, soil, field, grousers, ruts)
     limits = _torque(rover, torque)
@@ -202,8 +205,8 @@ def _length(packed: PackedCommands) -> float:
 def _numbers(name: str, value: ArrayLike, unit: str) -> Array:
     """Return an argument as an array of finite floats, or raise."""
     try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
+        array = floats(value)
+    except (TypeError, ValueError, OverflowError):
         raise RockerbogieError(f"{name} is {value!r:.60}; give numbers{unit}") from None
     if not np.isfinite(array).all():
         raise RockerbogieError(f"{name} is not finite in {int((~np.isfinite(array)).sum())} of {array.size} values")
@@ -235,8 +238,8 @@ def _torque(rover: Rover, torque: ArrayLike | None) -> Array:
     if torque is None:
         return np.array(rover.wheel_torque, dtype=float)
     try:
-        limits = np.asarray(torque, dtype=float)
-    except (TypeError, ValueError):
+        limits = floats(torque)
+    except (TypeError, ValueError, OverflowError):
         raise RockerbogieError(f"torque is {torque!r:.60}; give N·m, one number or six") from None
     if limits.shape not in ((), (6,)) or not (limits > 0.0).all():
         raise RockerbogieError(f"torque is {torque!r:.60}; give N·m above 0, one number or six")

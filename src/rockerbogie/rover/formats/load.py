@@ -82,7 +82,7 @@ def load_rover(name_or_path: str | Path) -> Rover:
     if text in known:
         return read_toml(_read(known[text] / "rover.toml").decode(), name=text)
     path = Path(name_or_path)
-    if not path.suffix and len(path.parts) == 1 and not path.exists():
+    if not path.suffix and len(path.parts) <= 1 and not path.is_file():
         raise RoverError(f"{unknown_name('rover', text, known)} Or give the path of a .toml, .urdf, .sdf or MJCF .xml file.")
     if path.suffix.lower() == ".toml":
         return read_toml(_decoded(_read(path), path.name), name=path.stem)

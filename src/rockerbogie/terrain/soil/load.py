@@ -77,7 +77,7 @@ def load_soil(name_or_path: str | Path) -> Soil:
     if not isinstance(name_or_path, str | os.PathLike):
         raise RockerbogieError(f"{name_or_path!r:.60} names no soil: give a preset ({', '.join(known)}) or the path of a file")
     path = known.get(str(name_or_path), Path(name_or_path))
-    if path.suffix.lower() != ".toml" and not path.exists():
+    if path.suffix.lower() != ".toml" and not path.is_file():
         raise RockerbogieError(f"{unknown_name('soil', str(name_or_path), known)} Or give the path of a .toml file.")
     try:
         if path.stat().st_size > MAX_BYTES:
