@@ -18,7 +18,6 @@ from rockerbogie._kernels.dynamics import rollout
 from rockerbogie._kernels.jit.uncompiled import first_calls
 from rockerbogie._kernels.model import ground, jacobians
 from rockerbogie._kernels.odometry import commands, frames, twist
-from rockerbogie._kernels.simd import bilinear_touch
 from rockerbogie._kernels.soil import forces, table
 from rockerbogie._kernels.statics import frictionless, loads
 from rockerbogie._kernels.verify import gap
@@ -33,7 +32,7 @@ SIGNATURES = {
     equilibrium_mode.equilibrium_batch: 2, equilibrium_mode.equilibrium_left: 2, equilibrium_mode.equilibrium_bridged: 2,
     contacts.contacts_batch: 2, contacts.clearance_batch: 2, ground.surface_batch: 2, gap.verify_batch: 1,
     coverage.refuse_uncovered: 1, coverage.refuse_far: 1, loads.belly_batch: 2, loads.loads_batch: 1, loads.stability_batch: 1,
-    loads.span_batch: 2, frictionless.line_support_batch: 1, bilinear_touch.touch_linear: 1,
+    loads.span_batch: 2, frictionless.line_support_batch: 1,
     rollout.predict_batch: 2,
     forces.forces_batch: 1, forces.motion_batch: 1, table.table_batch: 1, table.motion_table_batch: 1,
     commands.commands_batch: 1, twist.twist_batch: 1, jacobians.wheel_jacobians_batch: 1,

@@ -115,7 +115,8 @@ def test_poses_have_zero_gaps_by_the_oracle_and_equal_the_scalar_engine_s(name: 
     x, y, yaw = positions(terrain, rover, 64)
     given = terrain.packed, rover.packed, x, y, yaw, np.zeros((1, 6))
     q, status = np.full((64, 6), np.nan), np.zeros(64, np.uint8)
-    contact_mode.settle_linear(*terrain.packed, *given[1:], q, status, np.arange(64), 0, 64)
+    grid, _, meta = terrain.packed
+    contact_mode.settle_linear(grid, meta, *given[1:], q, status, np.arange(64), engines.NO_TOUCH, 0, 64)
     done = status != contact_mode.UNSETTLED
     if not bilinear_settle.too_fine(terrain.packed.meta, rover.packed):
         assert done.mean() > (0.95 if kind == "plane" else 0.5)

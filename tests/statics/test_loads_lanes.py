@@ -11,6 +11,7 @@ from rockerbogie._kernels.jit.vectors import LANES, NumpyRows
 from rockerbogie._kernels.statics import primal_dual
 from rockerbogie._kernels.statics.lane_friction import UNSOLVED, friction_batch
 from rockerbogie._kernels.statics.lane_rows import CONTACTS, PROBLEM, RAY, RESULT, ROWS, STATE, VECTORS, WHEEL, WHEELS
+from rockerbogie.settling.settle import settle_with_contacts
 from rockerbogie.statics.contacts import pack_contacts
 
 
@@ -65,11 +66,36 @@ def test_loads_do_not_depend_on_the_other_poses_of_a_batch() -> None:
 def test_contacts_of_lanes_are_those_of_the_pose(name: str, surface: str) -> None:
     """Compare on smooth cells, at ridges and where treads touch along their whole width."""
     pose = settled(name, 5, 400, surface=surface)
-    flat = rb.settle(pose.rover, rb.surfaces.plane(interpolation="linear"), np.linspace(-1.0, 1.0, 9), 0.3, 0.7)
-    for many in (pose, flat):
-        slow, fast = pack_contacts(many), pack_contacts(many, fast=True)
+    level = rb.surfaces.plane(interpolation="linear")
+    for terrain, x, y, yaw in ((pose.terrain, pose.x, pose.y, pose.yaw), (level, np.linspace(-1.0, 1.0, 9), 0.3, 0.7)):
+        many, touch = settle_with_contacts(pose.rover, terrain, x, y, yaw, "contact", 9.81)
+        assert np.isfinite(touch).all(axis=(1, 2)).mean() > 0.9
+        slow, fast = pack_contacts(many), pack_contacts(many, touch)
         np.testing.assert_allclose(fast.point, slow.point, atol=1e-6)  # known to the root of the gap's rounding
         np.testing.assert_allclose(fast.normal, slow.normal, atol=1e-6)
+        np.testing.assert_allclose(np.broadcast_to(fast.span, slow.span.shape), slow.span, atol=1e-12)
+        assert (slow.span != 0.0).any() == (terrain is level and bool(pose.rover.wheel_width.any()))
+
+
+def test_contacts_are_kept_only_of_poses_that_lanes_settle() -> None:
+    """Compare with `Pose.contacts`: missing data, off the map, equilibrium, cubic terrain."""
+    rover, x = rb.load_rover("curiosity"), np.linspace(-9.0, 9.0, 60)
+    for interpolation in ("linear", "cubic"):
+        ground = rb.surfaces.fractal(2, size=16.0, spacing=1.0, interpolation=interpolation)
+        z = ground.z.copy()
+        z[8, 9] = np.nan
+        holed = rb.Terrain.from_array(z, ground.spacing, ground.origin, interpolation=interpolation)
+        for terrain in (ground, holed):
+            for mode in ("contact", "equilibrium"):
+                pose, touch = settle_with_contacts(rover, terrain, x, 0.5, 0.1, mode, 9.81)
+                plain = rb.settle(rover, terrain, x, 0.5, 0.1, mode=mode)
+                np.testing.assert_array_equal(pose.q, plain.q)
+                assert np.isnan(pose.z).any()
+                assert len(touch) == (60 if mode == "contact" and interpolation == "linear" else 0)
+                slow, fast = pack_contacts(plain), pack_contacts(pose, touch)
+                there = ~np.isnan(pose.z)
+                np.testing.assert_allclose(fast.point[there], slow.point[there], atol=1e-6)
+                np.testing.assert_allclose(fast.normal[there], slow.normal[there], atol=1e-6)
 
 
 def test_lanes_prove_the_minimum_where_some_contacts_stay_in_place() -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..gravity import GRAVITY
 from ..rover.model import Rover
-from ..settling.settle import Mode, settle
+from ..settling.settle import Mode, settle_with_contacts
 from ..settling.status import Status
 from ..statics.stability import force_values
 from ..terrain.heightfield import Terrain
@@ -113,12 +113,13 @@ class Job:
         planes: UpperPlanes | None,
     ) -> dict[str, NDArray[Any]]:  # fmt: skip
         """Return the layers (headings, rows, cols) of a batch, and add them to the summary."""
-        pose = settle(self.rover, terrain, x, y[:, None], yaw[:, None, None], mode=self.mode, gravity=self.gravity)
+        places = x, y[:, None], yaw[:, None, None]
+        pose, touch = settle_with_contacts(self.rover, terrain, *places, self.mode, self.gravity, keep=bool(self.forces))
         tilt = _plain(pose.tilt)
         bounded = self.compares and planes is None and self.limits.clearance is not None
         look_below = bounded or not _CLEARANCES.isdisjoint(self.layers)
         clearance = _plain(pose.clearance) if look_below else None
-        forces = {name: _plain(values) for name, values in force_values(pose, self.forces).items()}
+        forces = {name: _plain(values) for name, values in force_values(pose, self.forces, touch).items()}
         over = np.zeros(pose.shape, dtype=np.uint16)
         if self.compares:
             over = exceeded(pose, self.limits, tilt, clearance, forces)

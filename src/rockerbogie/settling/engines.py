@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from .._kernels.batch import contact_mode, coverage, equilibrium_mode
 from .._kernels.jit.parallel import parallel_for
 from .._kernels.model.ground import META_MAX_CURVATURE, META_STEEP
+from .._kernels.simd.bilinear_touch import TOUCH_SIZE
 from .._kernels.simd.layout import LANES
 from ..arrays import Array
 from ..rover.model import Rover
@@ -26,8 +27,8 @@ Engine = Literal["simd", "scalar"]
 
 FINE = 0.25  # of the largest wheel radius: on finer cells equilibrium mode does not start from the six-wheel pose
 UNSETTLED = bytes([contact_mode.UNSETTLED])
-STATUS = 9  # argument of the kernels of SIMD lanes
 FIRST = np.zeros(1, dtype=np.int64)  # order of one pose
+NO_TOUCH = np.empty((0, 6, TOUCH_SIZE))
 HEADING_BINS = 64  # bins of half a turn by which poses are sorted on bilinear terrain
 
 _engine: ContextVar[Engine] = ContextVar("rockerbogie_settle_engine", default="simd")
@@ -45,6 +46,7 @@ class Batch(NamedTuple):
     q: Array  # (n, 6) filled: z (m), roll, pitch, rocker, bogie left, bogie right (rad)
     status: NDArray[np.uint8]  # (n,) filled
     report: Array  # (n, forces.R_SIZE) filled in equilibrium mode; (0, R_SIZE) in contact mode
+    touch: Array = NO_TOUCH  # (n, 6, TOUCH_SIZE) contacts, filled for poses that lanes on bilinear terrain settle in contact mode
 
 
 def settle_batch(mode: Mode, poses: Batch) -> None:
@@ -110,14 +112,18 @@ def _lanes_linear(poses: Batch, grid: Array) -> None:
     Poses that they do not settle become UNSETTLED.
     """
     parallel_for(
-        contact_mode.settle_linear, poses.status.size, grid, grid, poses.terrain.meta, *_after_ground(poses), _lane_order(poses),
-        plain=_leave,
+        contact_mode.settle_linear, poses.status.size, grid, poses.terrain.meta, *_after_ground(poses), _lane_order(poses),
+        poses.touch, plain=_leave,
     )  # fmt: skip
 
 
 def _leave(*args: Any) -> None:
-    """Leave every pose to the scalar engine: in plain Python, lanes take the time of 16."""
-    status: NDArray[np.uint8] = args[STATUS]
+    """Leave every pose to the scalar engine: in plain Python, lanes take the time of 16.
+
+    Args:
+        args: of a kernel of SIMD lanes; the only array of bytes is the status.
+    """
+    status: NDArray[np.uint8] = next(array for array in args if array.dtype == np.uint8)
     status[:] = contact_mode.UNSETTLED
 
 

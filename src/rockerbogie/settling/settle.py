@@ -8,6 +8,7 @@ import sys
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .._kernels.simd.bilinear_touch import TOUCH_SIZE
 from .._kernels.solve.forces import R_SIZE
 from ..arrays import Array, flat, flat_steering, floats, pieces, spanned
 from ..errors import RockerbogieError, expect
@@ -65,6 +66,27 @@ def settle(
     turn = check_steering(rover, steering)
     if turn.ndim == 1 and _is_finite(x) and _is_finite(y) and _is_finite(yaw):
         return _settle_one(rover, terrain, float(x), float(y), float(yaw), turn, mode, field)  # type: ignore[arg-type]
+    return settle_with_contacts(rover, terrain, x, y, yaw, mode, field, turn, keep=False)[0]
+
+
+def settle_with_contacts(
+    rover: Rover, terrain: Terrain, x: ArrayLike, y: ArrayLike, yaw: ArrayLike, mode: Mode, field: float,
+    turn: Array | None = None, *, keep: bool = True,
+) -> tuple[Pose, Array]:  # fmt: skip
+    """Solve for poses as `settle`, and return the contacts that SIMD lanes find on the way.
+
+    Args:
+        rover, terrain, x, y, yaw, mode: as for `settle`.
+        field: gravity, m/s².
+        turn: (..., 6) steering angles of `check_steering`, rad. Default: 0.
+        keep: False: contacts are not wanted.
+
+    Returns:
+        The poses (...), and their contacts (n, 6, TOUCH_SIZE) of `_kernels.simd.bilinear_touch`, NaN where the scalar engine
+        settles. n is 0 if they are not wanted, on cubic terrain and in equilibrium mode.
+    """
+    keep &= mode == "contact" and terrain.interpolation == "linear"
+    turn = np.zeros(6) if turn is None else turn
     px, py, facing = _numbers("x", x), _numbers("y", y), _numbers("yaw", yaw)
     try:
         shape = np.broadcast(px, py, facing, turn[..., 0]).shape
@@ -75,6 +97,8 @@ def settle(
     q = np.empty((*shape, 6))
     status = np.empty(shape, dtype=np.uint8)
     report = np.empty((*shape, R_SIZE)) if mode == "equilibrium" else None
+    touch = np.full((status.size if keep else 0, 6, TOUCH_SIZE), np.nan)
+    done = 0
     for at in pieces(shape, CHUNK):
         forces = NO_REPORT if report is None else report[at].reshape(-1, R_SIZE)
         settle_batch(
@@ -82,9 +106,11 @@ def settle(
             Batch(
                 rover, terrain, flat(px[at]), flat(py[at]), flat(facing[at]), flat_steering(turn[at]),
                 q[at].reshape(-1, 6), status[at].reshape(-1), forces,
+                touch[done : done + status[at].size],
             ),
         )  # fmt: skip
-    return Pose(rover, terrain, px, py, facing, turn, q, status, report, field)
+        done += status[at].size
+    return Pose(rover, terrain, px, py, facing, turn, q, status, report, field), touch
 
 
 def _is_finite(value: object) -> bool:

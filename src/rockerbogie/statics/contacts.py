@@ -7,13 +7,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .._kernels.batch.contacts import contacts_batch
-from .._kernels.jit.parallel import parallel_for
-from .._kernels.simd.bilinear_touch import touch_linear
+from .._kernels.simd.bilinear_touch import TOUCH_RISE
+from .._kernels.statics.loads import FLUSH
 from ..arrays import Array, flat, flat_steering
 from ..errors import RockerbogieError, expect
+from ..settling.engines import NO_TOUCH
 from ..settling.line_support import belly_contacts, contact_lines
-from ..settling.pose import TOUCHING, Pose
+from ..settling.pose import Pose
+
+#: Rise of a gap along a tread's width above which `span_batch` finds no line, m: its limit, with room for rounding.
+NEARLY_FLUSH = 2.0 * FLUSH
 
 
 class PackedContacts(NamedTuple):
@@ -31,13 +34,13 @@ class PackedContacts(NamedTuple):
     belly_normal: Array
 
 
-def pack_contacts(pose: Pose, fast: bool = False) -> PackedContacts:
+def pack_contacts(pose: Pose, touch: Array = NO_TOUCH) -> PackedContacts:
     """Return the contacts of settled poses.
 
     Args:
         pose: (...) poses.
-        fast: True: contacts of six-wheel poses on bilinear terrain come from the lanes of `touch_linear`. They take a quarter of
-            the time of `Pose.contacts`, and may differ from them by rounding.
+        touch: (n, 6, TOUCH_SIZE) contacts of `settle_with_contacts`, which may differ from `Pose.contacts` by rounding. Those
+            that are NaN are taken from there; by default, all are.
 
     Returns:
         Arguments of the kernels, the batch on one axis.
@@ -49,36 +52,44 @@ def pack_contacts(pose: Pose, fast: bool = False) -> PackedContacts:
     if not pose.rover.mass > 0.0:
         raise RockerbogieError(f"rover {pose.rover.name!r} has no mass: give its masses, loads are shares of its weight")
     n = pose.status.size
-    origin = np.stack([pose.x, pose.y, pose.z], axis=-1).reshape(n, 1, 3)
-    if fast and pose.report is None and pose.terrain.interpolation == "linear":
-        point, normal = _lane_contacts(pose)
+    if np.isnan(touch).all():
+        point, normal = _points_from_origin(pose), flat(pose.contact_normal, 6, 3)
+        span = contact_lines(pose, point)
     else:
-        point, normal = flat(pose.contact_point, 6, 3), flat(pose.contact_normal, 6, 3)
-    point = point - origin
-    point[pose.wheel_lifted.reshape(n, 6)] = np.nan
+        point, normal, span = _kept_contacts(pose, touch)
     q, steering = np.ascontiguousarray(pose.q.reshape(n, 6)), flat_steering(pose.steering)
     return PackedContacts(
-        pose.rover.packed, flat(pose.yaw), steering, q, point, normal, contact_lines(pose, point),
-        np.ascontiguousarray(pose.joint_stop).reshape(n, 3), *belly_contacts(pose),
+        pose.rover.packed, flat(pose.yaw), steering, q, point, normal, span, np.ascontiguousarray(pose.joint_stop).reshape(n, 3),
+        *belly_contacts(pose),
     )  # fmt: skip
 
 
-def _lane_contacts(pose: Pose) -> tuple[Array, Array]:
-    """Return contact points and normals (n, 6, 3) of six-wheel poses on bilinear terrain."""
-    n = pose.status.size
-    steering, q = flat_steering(pose.steering), np.ascontiguousarray(pose.q.reshape(n, 6))
-    position = (flat(pose.x), flat(pose.y), flat(pose.yaw))
-    point, normal, found = np.empty((n, 6, 3)), np.empty((n, 6, 3)), np.empty(n, dtype=bool)
-    ground, rover = pose.terrain.packed, pose.rover.packed
-    parallel_for(touch_linear, n, ground, rover, *position, steering, q, TOUCHING, point, normal, found)
-    left = np.flatnonzero(~found)
-    if left.size:
-        m = left.size
-        turned = steering if len(steering) == 1 else steering[left]
-        points, normals, count = np.empty((m, 6, 3)), np.empty((m, 6, 3)), np.empty((m, 6), dtype=np.int64)
-        parallel_for(
-            contacts_batch, m, ground, rover, *(values[left] for values in position), turned, q[left], TOUCHING,
-            np.empty((m, 6)), np.empty((m, 6)), points, normals, count,
-        )  # fmt: skip
-        point[left], normal[left] = points, normals
-    return point, normal
+def _points_from_origin(pose: Pose) -> Array:
+    """Return contact points from the body's origin, (n, 6, 3) m; NaN off the ground."""
+    origin = np.stack([pose.x, pose.y, pose.z], axis=-1).reshape(-1, 1, 3)
+    point = flat(pose.contact_point, 6, 3) - origin
+    point[pose.wheel_lifted.reshape(-1, 6)] = np.nan
+    return point
+
+
+def _kept_contacts(pose: Pose, touch: Array) -> tuple[Array, Array, Array]:
+    """Return points, normals and lines of the contacts of six-wheel poses from `touch`."""
+    point, normal = np.ascontiguousarray(touch[..., :3]), np.ascontiguousarray(touch[..., 3:6])
+    lost = np.isnan(touch[:, 0, 0])
+    if lost.any():
+        few = _some(pose, lost)
+        point[lost], normal[lost] = _points_from_origin(few), few.contact_normal
+    long = lost | (touch[..., TOUCH_RISE].min(axis=1) < NEARLY_FLUSH)
+    if not (long.any() and pose.rover.wheel_width.any()):
+        return point, normal, np.zeros((1, 6, 3))
+    span, middle = np.zeros_like(point), point[long]
+    span[long] = contact_lines(_some(pose, long), middle)
+    point[long] = middle
+    return point, normal, span
+
+
+def _some(pose: Pose, where: NDArray[np.bool_]) -> Pose:
+    """Return those poses (m,) of contact mode that a mask (n,) selects."""
+    at, steering = where.reshape(pose.shape), flat_steering(pose.steering)
+    turn = steering[where] if len(steering) > 1 else np.broadcast_to(steering, (int(where.sum()), 6))
+    return Pose(pose.rover, pose.terrain, pose.x[at], pose.y[at], pose.yaw[at], turn, pose.q[at], pose.status[at])

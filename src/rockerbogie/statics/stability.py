@@ -14,6 +14,7 @@ from .._kernels.statics.lane_tipping import MARGIN
 from ..arrays import Array, is_number
 from ..errors import RockerbogieError
 from ..gravity import check_gravity
+from ..settling.engines import NO_TOUCH
 from ..settling.pose import Pose
 from .contacts import PackedContacts, pack_contacts
 from .held_directions import HeldDirections
@@ -146,19 +147,20 @@ def _tip_angles(
     return signed
 
 
-def force_values(pose: Pose, names: Collection[str]) -> dict[str, Array]:
+def force_values(pose: Pose, names: Collection[str], touch: Array = NO_TOUCH) -> dict[str, Array]:
     """Compute required friction, largest motor torque and tip margin for maps.
 
     Args:
         pose: settled poses (...).
         names: some of "required_friction", "max_torque" and "tip_margin".
+        touch: contacts of the poses, as for `pack_contacts`.
 
     Returns:
         Arrays (...) by name: friction and torque (N m) under the law of least friction, the margin in rad.
     """
     if not names:
         return {}
-    values, packed = {}, pack_contacts(pose, fast=True)
+    values, packed = {}, pack_contacts(pose, touch)
     if "required_friction" in names or "max_torque" in names:
         loads = solve_loads(pose, gap=MAP_GAP, packed=packed)
         values = {"required_friction": loads.required_friction, "max_torque": np.abs(loads.torque).max(axis=-1)}

@@ -18,6 +18,7 @@ from ..model.linkage import Z, reach, set_hub_offsets
 from ..search.verify_minimum import LEAST
 from ..search.workspace import WORK_SIZE, lay_out
 from ..simd import bilinear_settle
+from ..simd.bilinear_touch import store_contacts
 from ..simd.cubic_newton import guaranteed_step
 from ..simd.cubic_settle import ROUNDS, load, settle_block
 from ..simd.layout import BILINEAR, BILINEAR_SIZE, CONTACT, CUBIC, CUBIC_SIZE, LANES, LINE, POSE
@@ -72,9 +73,9 @@ def settle_cubic(
 
 @njit
 def settle_linear(
-    grid: Array, upper_bound: Array, meta: Array, rover: Array,
+    grid: Array, meta: Array, rover: Array,
     x: Array, y: Array, yaw: Array, steering: Array, out: Array, status: NDArray[np.uint8],
-    order: NDArray[np.int64],
+    order: NDArray[np.int64], touch: Array,
     start: int, stop: int,
 ) -> None:  # fmt: skip
     """Settle poses in contact mode on bilinear terrain, by SIMD lanes.
@@ -82,20 +83,21 @@ def settle_linear(
     Poses that need more than one round wait until there is a block of them.
 
     Args:
-        grid, upper_bound, meta: arrays of the packed terrain, one by one: in a tuple they would take 0.7 µs more a call.
+        grid, meta: arrays of the packed terrain, one by one: in a tuple they would take 0.7 µs more a call.
         rover: the packed rover.
         x, y, yaw: (n,) position, m, and heading, rad.
         steering: (n, 6) or (1, 6) steering angles, rad.
         out: (n, 6) filled with the poses that are settled.
         status: (n,) filled; UNSETTLED for poses that are left to `settle_left`.
         order: (n,) order in which the poses are taken.
+        touch: (n, 6, TOUCH_SIZE) filled with the contacts of the poses that are settled; (0, 6, TOUCH_SIZE): not wanted.
         start, stop: range of `order` that this call settles.
     """
     buffer, block, spare = np.empty(WORK_SIZE), np.empty(BILINEAR_SIZE + LINE), np.empty(BILINEAR_SIZE + LINE)
-    which, wait = np.empty(LANES, np.int64), np.empty(2 * LANES, np.int64)
+    which, wait, scratch = np.empty(LANES, np.int64), np.empty(2 * LANES, np.int64), np.empty(5 * LANES)
     work, land, car, header, q, lanes, wheels = (
         lay_out(buffer),
-        borrow(LinearGround(grid, upper_bound, meta)),
+        borrow(LinearGround(grid, grid, meta)),
         unowned_view(rover),
         unowned_view(meta),
         unowned_view(out),
@@ -135,6 +137,8 @@ def settle_linear(
                 waiting += 1
             else:
                 store_lane(lanes, l, car, header, q, status, k, lanes[BILINEAR.fate + l] == bilinear_settle.SETTLED)
+        if touch.shape[0] > 0:
+            store_contacts(lanes, land[0], header, car, which, count, scratch, touch)
     buffer[0] = block[0] = spare[0] = 0.0  # keep the buffers alive: `work`, `lanes` and `wheels` are unowned views of them
 
 

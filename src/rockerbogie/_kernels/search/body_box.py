@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit.decorators import njit
-from ..model.ground import META_DX, META_DY, META_NX, META_NY, Ground, on_map, surface
+from ..model.ground import META_DX, META_DY, META_NX, META_NY, META_STEEP, Ground, on_map, surface
 from ..model.tolerances import CLEARANCE_TIE
 from .box_edge import Edge, search_edge
 from .box_face import Face, Rectangle, search_face
@@ -64,9 +64,16 @@ def box_over_ground(
     # ties are listed; for the lowest point alone, a point lower by less than CLEARANCE_TIE is not sought
     sought = Sought(cap, margin + CLEARANCE_TIE if margin > 0.0 else -CLEARANCE_TIE, APART * size)
     code, count = FOUND, 0
+    # Down the lateral faces the gap falls if they are steeper than the terrain: it is then least on the lowest face.
+    upright, steep = axes[down, 2] * axes[down, 2], meta[META_STEEP]
+    lowest_face_only = margin == 0.0 and upright > steep * steep * (1.0 - upright)
     for along in range(3):  # the edges' direction; three of them are on the lower side
         a, b = (along + 1) % 3, (along + 2) % 3
+        if lowest_face_only and along == down:
+            continue
         for end in range(3):
+            if lowest_face_only and end > 0 and down == (a if end == 1 else b):
+                continue
             pa = low[a] if end != 1 else high[a]
             pb = low[b] if end != 2 else high[b]
             edge = Edge(
@@ -84,7 +91,7 @@ def box_over_ground(
     i0, i1 = _cell(x + extent.west, meta[META_DX], last_i), _cell(x + extent.east, meta[META_DX], last_i)
     j0, j1 = _cell(y + extent.south, meta[META_DY], last_j), _cell(y + extent.north, meta[META_DY], last_j)
     for across in range(3):
-        if abs(axes[across, 2]) >= 1e-6:
+        if abs(axes[across, 2]) >= 1e-6 and not (lowest_face_only and across != down):
             face = _lower_face(box, axes, low, across, x, y, z)
             known, count = search_face(ground, patch, face, (i0, i1, j0, j1), extent, sought, near, count)
             if not known:

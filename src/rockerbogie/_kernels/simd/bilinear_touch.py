@@ -1,4 +1,4 @@
-"""Contact points and normals of settled poses on bilinear terrain, `LANES` at once."""
+"""Contacts of settled lanes on bilinear terrain: points, normals, contact lines."""
 
 from __future__ import annotations
 
@@ -8,17 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit.decorators import fma_njit, njit
-from ..jit.raw_views import unowned_view
-from ..model.ground import META_DX, META_DY, META_X, META_Y, META_Z, Ground, borrow
-from ..model.linkage import P_HALF, P_RADIUS, Z
-from ..search.workspace import WORK_SIZE, lay_out
+from ..model.ground import META_DX, META_DY
+from ..model.linkage import P_HALF, P_RADIUS
 from .bilinear_contacts import terrain_at_spots
-from .bilinear_settle import search, too_fine
-from .cells import set_home
-from .cubic_settle import load
-from .layout import BILINEAR, BILINEAR_SIZE, CELL, CONTACT, LANES, LINE, POSE, SPOT, WHEEL
-from .linkage import line_up, place_body, place_wheels
-from .wheel_lanes import few_poses
+from .bilinear_settle import SETTLED
+from .layout import BILINEAR, CELL, CONTACT, LANES, POSE, SPOT, WHEEL
 
 Array = NDArray[np.float64]
 
@@ -26,16 +20,21 @@ FLUSH = 1e-9  # m: a tread whose gaps along its width differ less touches along 
 STEP = 1e-8  # of the radius: distance of the points beside a contact whose slopes are compared
 EVEN = 1e-6  # difference of these slopes, along the rim, below which the terrain is smooth
 
+# Columns of a contact: 3 for its point from the body's origin, m, 3 for its unit normal, and the largest excess of a gap at the
+# middle or the ends of the tread's width over the contact's, m
+TOUCH_RISE, TOUCH_SIZE = 6, 7
+
 
 @fma_njit
-def _sample(lanes: Array, rover: Array, i: int, share: float, along: float) -> None:
+def _sample(lanes: Array, rover: Array, i: int, share: float, side: float, along: float) -> None:
     """Compute a point near the contact of wheel i.
 
     Args:
         lanes: the lane array (`layout`).
         rover: the packed rover.
         i: wheel.
-        share: its position on the axle, of the contact's.
+        share: 1: its position on the axle is counted from the contact. 0: from the tread's middle.
+        side: that position, m.
         along: distance from there along the rim, of the radius.
 
     Reads:  POSE.x, POSE.y, POSE.q, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz, CONTACT.sine,
@@ -47,7 +46,7 @@ def _sample(lanes: Array, rover: Array, i: int, share: float, along: float) -> N
     for l in range(LANES):
         k = i * LANES + l
         vx, vy, az, uz = lanes[WHEEL.vx + k], lanes[WHEEL.vy + k], lanes[WHEEL.az + k], lanes[WHEEL.uz + k]
-        sine, cosine, s = lanes[CONTACT.sine + k], lanes[CONTACT.cosine + k], share * lanes[CONTACT.offset + k]
+        sine, cosine, s = lanes[CONTACT.sine + k], lanes[CONTACT.cosine + k], share * lanes[CONTACT.offset + k] + side
         u, q = r * (sine + along * cosine), r * (cosine - along * sine)
         across = s * uz + q * az
         lanes[SPOT.x + l] = lanes[POSE.x + l] + lanes[WHEEL.ox + k] + u * vy + across * vx
@@ -77,71 +76,46 @@ def _slopes(lanes: Array, meta: Array) -> None:
 
 
 @njit
-def touch_linear(
-    ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, q: Array, close: float,
-    point: Array, normal: Array, found: NDArray[np.bool_],
-    start: int, stop: int,
-) -> None:  # fmt: skip
-    """Compute the contacts of settled poses, as `batch.contacts` to rounding.
+def store_contacts(
+    lanes: Array, grid: Array, meta: Array, rover: Array, which: NDArray[np.int64], count: int, spare: Array, touch: Array
+) -> None:
+    """Store the contacts of the lanes that are settled, refined as those of `batch.contacts`.
 
     Args:
-        ground, rover: the packed terrain, which is bilinear, and rover.
-        x, y, yaw: (n,) position, m, and heading, rad.
-        steering: (n, 6) or (1, 6) steering angles, rad.
-        q: (n, 6) poses.
-        close: m, largest gap of a contact.
-        point, normal: (n, 6, 3) filled, in the world.
-        found: (n,) filled with False where a wheel is not in contact with its lower side, or the search could not decide.
-        start, stop: range of poses that this call computes.
+        lanes: the lane array (`layout`), after a search at the lanes' poses.
+        grid: node heights, m.
+        meta: the map header.
+        rover: the packed rover.
+        which: (LANES,) poses of the lanes.
+        count: number of lanes in use, from the first.
+        spare: (5 LANES,) scratch memory.
+        touch: (n, 6, TOUCH_SIZE) filled for the poses that are settled.
+
+    Reads:  POSE.x, POSE.y, POSE.q, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz, CONTACT.sine,
+            CONTACT.cosine, CONTACT.offset, CONTACT.gx, CONTACT.gy, CONTACT.gap, CELL.col, CELL.row, CELL.h00, CELL.h01,
+            CELL.h10, CELL.h11, HOME (all), BILINEAR.fate, SPOT (all)
+    Writes: CONTACT.offset, CONTACT.gx, CONTACT.gy, CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, SPOT (all)
     """
-    buffer, block, spare = np.empty(WORK_SIZE), np.empty(BILINEAR_SIZE + LINE), np.empty(5 * LANES)
-    other = np.empty(BILINEAR_SIZE + LINE)
-    which = np.empty(LANES, np.int64)
-    work, land, car, meta = lay_out(buffer), borrow(ground), unowned_view(rover), unowned_view(ground[2])
-    lanes, wheels = line_up(block), line_up(other)
-    first = stop if too_fine(meta, car) else start
-    for k in range(start, stop):
-        found[k] = False
-    while first < stop:
-        count = min(LANES, stop - first)
+    for i in range(6):
+        _refine(lanes, grid, meta, rover, i, spare)
         for l in range(count):
-            which[l] = first + l
-        load(lanes, car, meta, x, y, yaw, steering, which, count, first == start, work)
-        for l in range(LANES):
-            k = first + min(l, count - 1)
-            lanes[POSE.active + l] = 1.0
-            for n in range(6):
-                lanes[POSE.q + n * LANES + l] = q[k, n] - (meta[META_Z] if n == Z else 0.0)
-                lanes[CONTACT.sine + n * LANES + l] = 0.0
-        set_home(lanes, meta)
-        place_body(lanes, car)
-        place_wheels(lanes, car)
-        search(lanes, wheels, land[0], meta, car, False, few_poses(car, count))
-        for l in range(count):
-            good = not math.isnan(q[first + l, Z])
-            for i in range(6):
-                k = i * LANES + l
-                good &= abs(lanes[CONTACT.gap + k]) < close and lanes[BILINEAR.rejected + k] == 0.0
-            found[first + l] = good
-        for i in range(6):
-            _refine(lanes, land[0], meta, car, i, spare)
-            for l in range(count):
-                p, k = first + l, i * LANES + l
-                gx, gy = lanes[CONTACT.gx + k], lanes[CONTACT.gy + k]
-                size = math.sqrt(1.0 + gx * gx + gy * gy)
-                normal[p, i, 0], normal[p, i, 1], normal[p, i, 2] = -gx / size, -gy / size, 1.0 / size
-                point[p, i, 0] = lanes[SPOT.x + l] + meta[META_X]
-                point[p, i, 1] = lanes[SPOT.y + l] + meta[META_Y]
-                point[p, i, 2] = lanes[SPOT.z + l] + meta[META_Z]
-        first += count
-    buffer[0] = block[0] = other[0] = 0.0  # keep the buffers alive: `work`, `lanes` and `wheels` are unowned views of them
+            p, k = which[l], i * LANES + l
+            if lanes[BILINEAR.fate + l] != SETTLED:
+                continue
+            gx, gy = lanes[CONTACT.gx + k], lanes[CONTACT.gy + k]
+            size = math.sqrt(1.0 + gx * gx + gy * gy)
+            touch[p, i, 0], touch[p, i, 1] = lanes[SPOT.x + l] - lanes[POSE.x + l], lanes[SPOT.y + l] - lanes[POSE.y + l]
+            touch[p, i, 2] = lanes[SPOT.z + l] - lanes[POSE.q + l]
+            touch[p, i, 3], touch[p, i, 4], touch[p, i, 5] = -gx / size, -gy / size, 1.0 / size
+            touch[p, i, TOUCH_RISE] = spare[l]
 
 
 @njit
 def _refine(lanes: Array, grid: Array, meta: Array, rover: Array, i: int, spare: Array) -> None:
     """Refine a contact as `batch.contacts` does.
 
-    A contact along the whole width moves to its middle, and slopes at ridges are computed.
+    A contact along the whole width moves to its middle, and slopes at ridges are computed. `spare` then begins with the
+    largest excess of a gap at the middle or the ends of the tread's width over the contact's, m.
 
     Args:
         lanes: the lane array (`layout`).
@@ -157,15 +131,14 @@ def _refine(lanes: Array, grid: Array, meta: Array, rover: Array, i: int, spare:
     Writes: CONTACT.offset, CONTACT.gx, CONTACT.gy, CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, SPOT (all)
     """
     half = rover[P_HALF + i]
-    if half > 0.0:
-        for n in range(2):
-            _sample(lanes, rover, i, -1.0 + n, 0.0)
-            terrain_at_spots(lanes, grid, meta)
-            for l in range(LANES):
-                gap = lanes[SPOT.z + l] - lanes[SPOT.h + l]
-                spare[l] = gap if n == 0 else max(spare[l], gap)
+    for n in range(3 if half > 0.0 else 1):
+        _sample(lanes, rover, i, 0.0, half * (n - 1.0), 0.0)
+        terrain_at_spots(lanes, grid, meta)
+        for l in range(LANES):
+            rise = lanes[SPOT.z + l] - lanes[SPOT.h + l] - lanes[CONTACT.gap + i * LANES + l]
+            spare[l] = rise if n == 0 else max(spare[l], rise)
     for side in range(2):
-        _sample(lanes, rover, i, 1.0, STEP * (2.0 * side - 1.0))
+        _sample(lanes, rover, i, 1.0, 0.0, STEP * (2.0 * side - 1.0))
         terrain_at_spots(lanes, grid, meta)
         _slopes(lanes, meta)
         for l in range(LANES):
@@ -174,7 +147,7 @@ def _refine(lanes: Array, grid: Array, meta: Array, rover: Array, i: int, spare:
         k = i * LANES + l
         vx, vy, az, uz = lanes[WHEEL.vx + k], lanes[WHEEL.vy + k], lanes[WHEEL.az + k], lanes[WHEEL.uz + k]
         sine, cosine, offset = lanes[CONTACT.sine + k], lanes[CONTACT.cosine + k], lanes[CONTACT.offset + k]
-        if half > 0.0 and abs(offset) == half and spare[l] <= lanes[CONTACT.gap + k] + FLUSH:
+        if half > 0.0 and abs(offset) == half and spare[l] <= FLUSH:
             offset = lanes[CONTACT.offset + k] = 0.0
         if abs(offset) < half:
             steep, tilt = sine / (cosine * uz), az / uz
@@ -187,4 +160,4 @@ def _refine(lanes: Array, grid: Array, meta: Array, rover: Array, i: int, spare:
         part = before / (before - after) if abs(before - after) > EVEN else 0.5
         part = min(max(part, 0.0), 1.0)
         lanes[CONTACT.gx + k], lanes[CONTACT.gy + k] = ax + part * (bx - ax), ay + part * (by - ay)
-    _sample(lanes, rover, i, 1.0, 0.0)
+    _sample(lanes, rover, i, 1.0, 0.0, 0.0)
