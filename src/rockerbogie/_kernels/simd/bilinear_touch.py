@@ -16,7 +16,7 @@ from .bilinear_contacts import terrain_at_spots
 from .bilinear_settle import search, too_fine
 from .cells import set_home
 from .cubic_settle import load
-from .layout import BILINEAR, BILINEAR_SIZE, CELL, CONTACT, LANES, LINE, POSE, SPOT, WHEEL
+from .layout import BILINEAR, BILINEAR_SIZE, CELL, CONTACT, LANES, POSE, SPOT, TWO_BLOCKS, WHEEL, in_use
 from .linkage import line_up, place_body, place_wheels
 from .wheel_lanes import few_poses
 
@@ -44,7 +44,7 @@ def _sample(lanes: Array, rover: Array, i: int, share: float, along: float) -> N
     """
     i = min(max(i, 0), 5)
     r = rover[P_RADIUS + i]
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         k = i * LANES + l
         vx, vy, az, uz = lanes[WHEEL.vx + k], lanes[WHEEL.vy + k], lanes[WHEEL.az + k], lanes[WHEEL.uz + k]
         sine, cosine, s = lanes[CONTACT.sine + k], lanes[CONTACT.cosine + k], share * lanes[CONTACT.offset + k]
@@ -69,7 +69,7 @@ def _slopes(lanes: Array, meta: Array) -> None:
     Writes: SPOT.z, SPOT.h
     """
     over_x, over_y = 1.0 / meta[META_DX], 1.0 / meta[META_DY]
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         u, v = lanes[SPOT.x + l] * over_x - lanes[CELL.col + l], lanes[SPOT.y + l] * over_y - lanes[CELL.row + l]
         a, b, c, d = lanes[CELL.h00 + l], lanes[CELL.h01 + l], lanes[CELL.h10 + l], lanes[CELL.h11 + l]
         twist = a - b - c + d
@@ -94,11 +94,11 @@ def touch_linear(
         found: (n,) filled with False where a wheel is not in contact with its lower side, or the search could not decide.
         start, stop: range of poses that this call computes.
     """
-    buffer, block, spare = np.empty(WORK_SIZE), np.empty(BILINEAR_SIZE + LINE), np.empty(5 * LANES)
-    other = np.empty(BILINEAR_SIZE + LINE)
+    buffer, block, spare = np.empty(WORK_SIZE), np.empty(TWO_BLOCKS), np.empty(5 * LANES)
     which = np.empty(LANES, np.int64)
     work, land, car, meta = lay_out(buffer), borrow(ground), unowned_view(rover), unowned_view(ground[2])
-    lanes, wheels = line_up(block), line_up(other)
+    lanes = line_up(block)
+    wheels = lanes[BILINEAR_SIZE:]
     first = stop if too_fine(meta, car) else start
     for k in range(start, stop):
         found[k] = False
@@ -107,7 +107,7 @@ def touch_linear(
         for l in range(count):
             which[l] = first + l
         load(lanes, car, meta, x, y, yaw, steering, which, count, first == start, work)
-        for l in range(LANES):
+        for l in range(in_use(lanes)):
             k = first + min(l, count - 1)
             lanes[POSE.active + l] = 1.0
             for n in range(6):
@@ -134,7 +134,7 @@ def touch_linear(
                 point[p, i, 1] = lanes[SPOT.y + l] + meta[META_Y]
                 point[p, i, 2] = lanes[SPOT.z + l] + meta[META_Z]
         first += count
-    buffer[0] = block[0] = other[0] = 0.0  # keep the buffers alive: `work`, `lanes` and `wheels` are unowned views of them
+    buffer[0] = block[0] = 0.0  # keep the buffers alive: `work`, `lanes` and `wheels` are unowned views of them
 
 
 @njit
@@ -161,16 +161,16 @@ def _refine(lanes: Array, grid: Array, meta: Array, rover: Array, i: int, spare:
         for n in range(2):
             _sample(lanes, rover, i, -1.0 + n, 0.0)
             terrain_at_spots(lanes, grid, meta)
-            for l in range(LANES):
+            for l in range(in_use(lanes)):
                 gap = lanes[SPOT.z + l] - lanes[SPOT.h + l]
                 spare[l] = gap if n == 0 else max(spare[l], gap)
     for side in range(2):
         _sample(lanes, rover, i, 1.0, STEP * (2.0 * side - 1.0))
         terrain_at_spots(lanes, grid, meta)
         _slopes(lanes, meta)
-        for l in range(LANES):
+        for l in range(in_use(lanes)):
             spare[(1 + 2 * side) * LANES + l], spare[(2 + 2 * side) * LANES + l] = lanes[SPOT.z + l], lanes[SPOT.h + l]
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         k = i * LANES + l
         vx, vy, az, uz = lanes[WHEEL.vx + k], lanes[WHEEL.vy + k], lanes[WHEEL.az + k], lanes[WHEEL.uz + k]
         sine, cosine, offset = lanes[CONTACT.sine + k], lanes[CONTACT.cosine + k], lanes[CONTACT.offset + k]
