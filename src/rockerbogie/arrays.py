@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+REAL = (int, float, np.number)
+NOT_REAL = (bool, np.complexfloating)  # subclasses of those
+
 
 def is_number(value: object) -> bool:
     """Return True for one finite real number; False for an array, text, a bool or None.
@@ -22,7 +25,7 @@ def is_number(value: object) -> bool:
     Returns:
         True or False.
     """
-    if not isinstance(value, int | float | np.number) or isinstance(value, bool | np.complexfloating):
+    if not isinstance(value, REAL) or isinstance(value, NOT_REAL):
         return False
     try:
         return math.isfinite(value)

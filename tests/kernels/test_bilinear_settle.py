@@ -184,6 +184,10 @@ def test_a_pose_on_rough_terrain_is_independent_of_the_batch(name: str) -> None:
     for k in range(0, 150, 13):
         alone = rb.settle(rover, terrain, x[k], y[k], yaw[k], steering=steering[k])
         assert np.array_equal(alone.q, together.q[k], equal_nan=True)
+    for count in (2, 3, 5, 6, 8, 9, 13, 14, 17):  # in parts of a block, in half a block, in a block
+        part = slice(7, 7 + count)
+        few = rb.settle(rover, terrain, x[part], y[part], yaw[part], steering=steering[part])
+        assert np.array_equal(few.q, together.q[part], equal_nan=True)
 
 
 @pytest.mark.parametrize("yaw", [0.3, math.pi / 4])

@@ -53,6 +53,10 @@ def test_a_pose_is_independent_of_the_batch(name: str) -> None:
     for k in range(0, 100, 9):
         alone = rb.settle(rover, terrain, x[k], y[k], yaw[k], steering=steering[k])
         assert np.array_equal(alone.q, together.q[k], equal_nan=True)
+    for count in (2, 8, 9, 17):  # in half a block and in a block
+        part = slice(5, 5 + count)
+        few = rb.settle(rover, terrain, x[part], y[part], yaw[part], steering=steering[part])
+        assert np.array_equal(few.q, together.q[part], equal_nan=True)
 
 
 @pytest.mark.parametrize("name", ["curiosity", "elhami-dashti"])

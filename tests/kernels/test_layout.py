@@ -32,7 +32,7 @@ def test_rows_follow_one_another(solver: str) -> None:
         for name in (*COMMON, *SOLVERS[solver])
         for start, size in zip(GROUPS[name], type(GROUPS[name])._field_defaults.values(), strict=True)
     ]
-    assert rows[0][0] == 0
+    assert rows[0][0] == layout.LINE > layout.WIDTH
     assert all(one[0] + one[1] == other[0] for one, other in pairwise(rows))
     assert sum(rows[-1]) == getattr(layout, f"{solver.upper()}_SIZE")
     assert all(size % layout.LANES == 0 for _, size in rows)

@@ -36,6 +36,28 @@ def test_simd_and_scalar_engine_agree(name: str, interpolation: str, surface: st
     assert_close(simd.q, scalar.q, 1e-9, "m, rad", "the same contacts, solved by two independent kernels")
 
 
+@pytest.mark.parametrize("missing", [False, True])
+@pytest.mark.parametrize("interpolation", ["cubic", "linear"])
+@pytest.mark.parametrize("mode", ["contact", "equilibrium"])
+def test_engines_agree_about_the_edge_of_the_map(mode: str, interpolation: str, missing: bool) -> None:
+    """Lanes do not iterate where the whole rover is beyond the edge; the scalar engine does."""
+    rover = rb.load_rover("curiosity")
+    hills = rb.surfaces.fractal(5, size=12.0, spacing=0.5)
+    z = hills.z.copy()
+    z[5, 5] = np.nan if missing else z[5, 5]
+    terrain = rb.Terrain.from_array(z, hills.spacing, hills.origin, interpolation)
+    rng = np.random.default_rng(19)
+    x, y = rng.uniform(-9.0, 9.0, (2, COUNT))
+    x[:4] = (-1e6, 1e9, 6.0 + rover.wheelbase, -6.0 - 3.0 * rover.wheelbase)
+    arguments = (rover, terrain, x, y, rng.uniform(-3, 3, COUNT))
+    simd = rb.settle(*arguments, mode=mode)
+    with use_engine("scalar"):
+        scalar = rb.settle(*arguments, mode=mode)
+    assert np.array_equal(simd.status, scalar.status)
+    assert 0.1 < (simd.status == rb.Status.OFF_MAP).mean() < 0.9
+    assert_close(simd.q, scalar.q, 1e-9, "m, rad", "the same contacts, solved by two independent kernels")
+
+
 @pytest.mark.parametrize("interpolation", ["cubic", "linear"])
 @pytest.mark.parametrize("name", ["elhami-dashti", "curiosity", "osr"])
 def test_equilibria_from_the_six_wheel_pose_are_those_of_the_descent(name: str, interpolation: str) -> None:

@@ -47,7 +47,7 @@ def _access(name: str, functions: dict[str, ast.FunctionDef], done: dict[str, Ac
     if name in done:
         return done[name]
     node, module = functions[name], name.split(".")[0]
-    numbers = {"lanes", "i", "l", "side", "columns", "lines", "count", "few", "rounds", "wheels"}
+    numbers = {"lanes", "i", "l", "side", "columns", "lines", "count", "few", "part", "rounds", "wheels"}
     parameters = {arg.arg for arg in node.args.args} - numbers
     aliases: dict[str, set[str]] = {}
     result = done[name] = Access(set(), set())

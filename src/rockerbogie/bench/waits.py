@@ -28,6 +28,8 @@ STARTS = 5  # new processes of which the median is taken
 FEW = 10  # poses in equilibrium mode and single poses are fewer by this factor
 MAP_SIDE = 60.0  # m, side of the part of the terrain that is mapped
 HEADINGS = 16
+HANDFUL = 4  # poses of a call that fills a part of a block
+BEYOND = 1000.0  # m, distance from the map of poses off the map
 AHEAD = 0.05  # m, distance of a planner's next poses from its last one
 TURNS = np.linspace(0.0, 2 * np.pi, 16, endpoint=False)  # rad, their directions
 
@@ -93,6 +95,19 @@ def _settling(case: Case, poses: int) -> Iterator[tuple[str, float]]:
         return settle(case.rover, case.terrain, few[0][k], few[1][k], few[2][k])
 
     yield f"one pose: {case.name}", each(settle_one, len(few[0]))
+
+    def settle_off() -> object:
+        k = next(calls) % len(few[0])
+        return settle(case.rover, case.terrain, case.terrain.bounds[2] + BEYOND, few[1][k], few[2][k])
+
+    yield f"off the map: {case.name}", each(settle_off, len(few[0]))
+
+    def settle_four() -> object:
+        k = next(calls) % (poses - HANDFUL)
+        part = slice(k, k + HANDFUL)
+        return settle(case.rover, case.terrain, x[part], y[part], yaw[part])
+
+    yield f"four poses: {case.name}", each(settle_four, len(few[0])) / HANDFUL
 
     def settle_next() -> object:
         k = next(calls) % len(few[0])

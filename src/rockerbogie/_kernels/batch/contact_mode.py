@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..jit.decorators import inlined, njit
 from ..jit.raw_views import unowned_view
 from ..model.bridge import bridged_grid, cells_around, with_grid
-from ..model.ground import META_X, META_Y, META_Z, CubicGround, Ground, LinearGround, borrow
+from ..model.ground import META_X, META_Y, META_Z, CubicGround, Ground, LinearGround, borrow, near_map
 from ..model.linkage import Z, reach, set_hub_offsets
 from ..search.verify_minimum import LEAST
 from ..search.workspace import WORK_SIZE, lay_out
@@ -21,10 +21,10 @@ from ..simd import bilinear_settle
 from ..simd.bilinear_touch import store_contacts
 from ..simd.cubic_newton import guaranteed_step
 from ..simd.cubic_settle import ROUNDS, load, settle_block
-from ..simd.layout import BILINEAR, BILINEAR_SIZE, CONTACT, CUBIC, CUBIC_SIZE, LANES, LINE, POSE
+from ..simd.layout import BILINEAR, BILINEAR_SIZE, CONTACT, CUBIC, CUBIC_SIZE, LANES, LINE, POSE, TWO_BLOCKS, in_use
 from ..simd.linkage import line_up
 from ..simd.wheel_lanes import few_poses
-from ..solve.newton import CONVERGED, JOINT_STOP, NO_DATA, NOT_CONVERGED, STARTS, beyond_stops, covered, settle_contact
+from ..solve.newton import CONVERGED, JOINT_STOP, NO_DATA, NOT_CONVERGED, OFF_MAP, STARTS, beyond_stops, covered, settle_contact
 
 Array = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ def settle_cubic(
         x, y, yaw: (n,) position, m, and heading, rad.
         steering: (n, 6) or (1, 6) steering angles, rad.
         out: (n, 6) filled with the poses that are settled.
-        status: (n,) filled; UNSETTLED for poses that are left to `settle_left`.
+        status: (n,) filled; OFF_MAP off the map, UNSETTLED for poses that are left to `settle_left`.
         start, stop: range of poses that this call settles.
     """
     buffer, block, which = np.empty(WORK_SIZE), np.empty(CUBIC_SIZE + LINE), np.empty(LANES, np.int64)
@@ -59,15 +59,18 @@ def settle_cubic(
         unowned_view(out),
         line_up(block),
     )
-    sure = guaranteed_step(header, car)
+    sure, far, fresh = guaranteed_step(header, car), reach(car), True
     for first in range(start, stop, LANES):
         count = min(LANES, stop - first)
         for l in range(count):
             which[l] = first + l
-        load(lanes, car, header, x, y, yaw, steering, which, count, first == start, work)
-        settle_block(lanes, land, car, count, sure, work)
-        for l in range(count):
-            store_lane(lanes, l, car, header, q, status, first + l, lanes[CUBIC.verdict + l] == LEAST)
+        count = keep_near(header, far, x, y, which, count, q, status)
+        if count > 0:
+            load(lanes, car, header, x, y, yaw, steering, which, count, fresh, work)
+            fresh = False
+            settle_block(lanes, land, car, count, sure, work)
+            for l in range(count):
+                store_lane(lanes, l, car, header, q, status, which[l], lanes[CUBIC.verdict + l] == LEAST)
     buffer[0] = block[0] = 0.0  # keep the buffers alive: `work` and `lanes` are unowned views of them
 
 
@@ -88,23 +91,23 @@ def settle_linear(
         x, y, yaw: (n,) position, m, and heading, rad.
         steering: (n, 6) or (1, 6) steering angles, rad.
         out: (n, 6) filled with the poses that are settled.
-        status: (n,) filled; UNSETTLED for poses that are left to `settle_left`.
+        status: (n,) filled; OFF_MAP off the map, UNSETTLED for poses that are left to `settle_left`.
         order: (n,) order in which the poses are taken.
         touch: (n, 6, TOUCH_SIZE) filled with the contacts of the poses that are settled; (0, 6, TOUCH_SIZE): not wanted.
         start, stop: range of `order` that this call settles.
     """
-    buffer, block, spare = np.empty(WORK_SIZE), np.empty(BILINEAR_SIZE + LINE), np.empty(BILINEAR_SIZE + LINE)
+    buffer, block = np.empty(WORK_SIZE), np.empty(TWO_BLOCKS)
     which, wait, scratch = np.empty(LANES, np.int64), np.empty(2 * LANES, np.int64), np.empty(5 * LANES)
-    work, land, car, header, q, lanes, wheels = (
+    work, land, car, header, q, lanes = (
         lay_out(buffer),
         borrow(LinearGround(grid, grid, meta)),
         unowned_view(rover),
         unowned_view(meta),
         unowned_view(out),
         line_up(block),
-        line_up(spare),
     )
-    waiting, first = 0, start
+    wheels = lanes[BILINEAR_SIZE:]
+    waiting, first, far, fresh = 0, start, reach(car), True
     if bilinear_settle.too_fine(header, car):
         for n in range(start, stop):
             status[order[n]] = UNSETTLED
@@ -114,16 +117,21 @@ def settle_linear(
         count = min(LANES, stop - first if anew else waiting)
         for l in range(count):
             which[l] = order[first + l] if anew else wait[l]
-        few = few_poses(car, count)
-        load(lanes, car, header, x, y, yaw, steering, which, count, first == start, work)
         if anew:
             first += count
+            count = keep_near(header, far, x, y, which, count, q, status)
+            if count == 0:
+                continue
+        few = few_poses(car, count)
+        load(lanes, car, header, x, y, yaw, steering, which, count, fresh, work)
+        fresh = False
+        if anew:
             bilinear_settle.start(lanes, wheels, land[0], header, car, few)
         else:
             waiting -= count
             for l in range(waiting):
                 wait[l] = wait[count + l]
-            for l in range(LANES):
+            for l in range(in_use(lanes)):
                 for n in range(6):
                     lanes[POSE.q + n * LANES + l] = q[which[min(l, count - 1)], n]
                     lanes[CONTACT.sine + n * LANES + l] = 0.0  # reset the contacts of the lane's former pose
@@ -139,7 +147,39 @@ def settle_linear(
                 store_lane(lanes, l, car, header, q, status, k, lanes[BILINEAR.fate + l] == bilinear_settle.SETTLED)
         if touch.shape[0] > 0:
             store_contacts(lanes, land[0], header, car, which, count, scratch, touch)
-    buffer[0] = block[0] = spare[0] = 0.0  # keep the buffers alive: `work`, `lanes` and `wheels` are unowned views of them
+    buffer[0] = block[0] = 0.0  # keep the buffers alive: `work`, `lanes` and `wheels` are unowned views of them
+
+
+@inlined
+def keep_near(
+    meta: Array, far: float, x: Array, y: Array, which: NDArray[np.int64], count: int, q: Array, status: NDArray[np.uint8]
+) -> int:
+    """Remove the poses whose rover lies wholly beyond the map's edge from a block.
+
+    The scalar engine finds the same status: a wheel wholly off the map ends each of its starts.
+
+    Args:
+        meta: (META_SIZE,) map header.
+        far: m, the rover's reach.
+        x, y: (n,) positions, m.
+        which: (LANES,) indices of the block's poses; replaced by those that stay.
+        count: number of poses of the block.
+        q: (n, 6) poses; NaN is written where a pose is removed.
+        status: (n,) statuses; OFF_MAP is written where a pose is removed.
+
+    Returns:
+        The number of poses that stay.
+    """
+    kept = 0
+    for l in range(count):
+        k = which[l]
+        if near_map(meta, x[k] - meta[META_X], y[k] - meta[META_Y], far):
+            which[kept] = k
+            kept += 1
+        else:
+            q[k] = math.nan
+            status[k] = OFF_MAP
+    return kept
 
 
 @inlined

@@ -112,6 +112,19 @@ def on_map(meta: Array, x: float, y: float) -> bool:
 
 
 @inlined
+def near_map(meta: Array, x: float, y: float, far: float) -> bool:
+    """Return True if a position lies on the map, or near it along each axis.
+
+    Args:
+        meta: (META_SIZE,) map header.
+        x, y: m from the first node.
+        far: m, the largest distance from the map.
+    """
+    last_x, last_y = (meta[META_NX] - 1.0) * meta[META_DX], (meta[META_NY] - 1.0) * meta[META_DY]
+    return -far <= x <= last_x + far and -far <= y <= last_y + far
+
+
+@inlined
 def onto(position: float, step: float, nodes: float) -> float:
     """Return a position, moved to the edge of the map if it is off it by at most 1e-6 of a cell.
 

@@ -12,7 +12,7 @@ from ..model.ground import META_DX, META_DY, META_NX, META_NY
 from ..model.linkage import P_HALF, P_RADIUS
 from ..model.tolerances import GAP_TIE
 from .cells import corners
-from .layout import BILINEAR, CELL, CONTACT, LANES, LOWEST, POSE, SPOT, WHEEL
+from .layout import BILINEAR, CELL, CONTACT, LANES, LOWEST, POSE, SPOT, WHEEL, in_use
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ def sample_tread(lanes: Array, rover: Array, i: int, sine: float, cosine: float,
     """
     i = min(max(i, 0), 5)
     u, q = rover[P_RADIUS + i] * sine, rover[P_RADIUS + i] * cosine
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         k = i * LANES + l
         vx, vy, az, uz = lanes[WHEEL.vx + k], lanes[WHEEL.vy + k], lanes[WHEEL.az + k], lanes[WHEEL.uz + k]
         along = s * uz + q * az
@@ -58,10 +58,10 @@ def terrain_at_spots(lanes: Array, grid: Array, meta: Array) -> None:
     Writes: CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, SPOT.h
     """
     over_x, over_y = 1.0 / meta[META_DX], 1.0 / meta[META_DY]
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         lanes[CELL.col + l], lanes[CELL.row + l] = np.floor(lanes[SPOT.x + l] * over_x), np.floor(lanes[SPOT.y + l] * over_y)
     corners(lanes, grid, meta)
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         u, v = lanes[SPOT.x + l] * over_x - lanes[CELL.col + l], lanes[SPOT.y + l] * over_y - lanes[CELL.row + l]
         low, high = (
             lanes[CELL.h00 + l] + u * (lanes[CELL.h01 + l] - lanes[CELL.h00 + l]),
@@ -95,7 +95,7 @@ def store_contact(lanes: Array, meta: Array, rover: Array, i: int, width: float,
     half = rover[P_HALF + i]
     reach = radius + half
     end_x, end_y = (meta[META_NX] - 1.0) * meta[META_DX], (meta[META_NY] - 1.0) * meta[META_DY]
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         k = i * LANES + l
         sine, cosine, offset, gap, kept = (
             lanes[LOWEST.sine + l],

@@ -17,13 +17,13 @@ from ..model.linkage import P_HALF, P_HUB, P_PIVOT, P_RADIUS
 from ..model.tolerances import CONVERGED_GAP, MAX_ANGLE, SEARCH_GAP
 from .bilinear_contacts import sample_tread, store_contact, terrain_at_spots
 from .cells import no_gap, set_home
-from .layout import BILINEAR, CELL, CONTACT, LANES, LOWEST, POSE, RIM, SIDE, SPOT
+from .layout import BILINEAR, CELL, CONTACT, LANES, LOWEST, POSE, RIM, SIDE, SPOT, in_use
 from .linkage import gap_jacobian, place_body, place_wheels, solve_step, take_step
 from .rim_search import search_rims, track_rims
 from .tread_nodes import nodes_under, set_treads, take_heights
 from .tread_search import search_insides, track_insides
 from .upper_side import clear_above, clear_here
-from .wheel_lanes import gather_wheels, return_contacts
+from .wheel_lanes import gather_wheels, parts_of, return_contacts
 
 Array = NDArray[np.float64]
 
@@ -63,7 +63,7 @@ def sample_wheel(lanes: Array, grid: Array, meta: Array, rover: Array, i: int) -
         s = half * SIDES[n]
         sample_tread(lanes, rover, i, SINES[n], COSINES[n], s)
         terrain_at_spots(lanes, grid, meta)
-        for l in range(LANES):
+        for l in range(in_use(lanes)):
             gap = lanes[SPOT.z + l] - lanes[SPOT.h + l]
             if gap < lanes[LOWEST.gap + l]:
                 lanes[LOWEST.gap + l], lanes[LOWEST.sine + l], lanes[LOWEST.cosine + l], lanes[LOWEST.offset + l] = (
@@ -87,7 +87,7 @@ def start(lanes: Array, wheels: Array, grid: Array, meta: Array, rover: Array, f
         grid: node heights (bilinear) or spline coefficients (cubic), m.
         meta: the map header.
         rover: the packed rover.
-        few: number of poses if their wheels are searched at once, else 0.
+        few: number of poses if their wheels are searched in parts, else 0.
 
     Reads:  POSE.x, POSE.y, POSE.cy, POSE.sy, POSE.q, POSE.step, POSE.active, POSE.axes, POSE.right, POSE.rate, WHEEL (all),
             CONTACT (all), CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, LOWEST (all), HOME (all),
@@ -98,7 +98,7 @@ def start(lanes: Array, wheels: Array, grid: Array, meta: Array, rover: Array, f
             BILINEAR.row, BILINEAR.rejected, SPOT (all)
     """
     height = rover[P_RADIUS] - rover[P_HUB + 2] - rover[P_PIVOT + 2]
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         lanes[POSE.active + l], lanes[POSE.q + l] = 1.0, 0.0
         lanes[POSE.q + LANES + l] = lanes[POSE.q + 2 * LANES + l] = lanes[POSE.q + 3 * LANES + l] = lanes[
             POSE.q + 4 * LANES + l
@@ -106,18 +106,17 @@ def start(lanes: Array, wheels: Array, grid: Array, meta: Array, rover: Array, f
         lanes[SPOT.x + l], lanes[SPOT.y + l] = lanes[POSE.x + l], lanes[POSE.y + l]
     set_home(lanes, meta)
     terrain_at_spots(lanes, grid, meta)
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         h = lanes[SPOT.h + l]
         lanes[POSE.q + l] = (h if h == h else 0.0) + height  # missing data under the body alone does not matter
     place_body(lanes, rover)
     place_wheels(lanes, rover)
-    if few > 0:
-        gather_wheels(lanes, wheels, few)
+    for part in range(parts_of(few)):
+        gather_wheels(lanes, wheels, few, part)
         sample_wheel(wheels, grid, meta, rover, 0)
-        return_contacts(lanes, wheels, few, True)
-    else:
-        for i in range(6):
-            sample_wheel(lanes, grid, meta, rover, i)
+        return_contacts(lanes, wheels, few, part, True)
+    for i in range(0 if few > 0 else 6):
+        sample_wheel(lanes, grid, meta, rover, i)
     gap_jacobian(lanes, rover)
     solve_step(lanes)
     take_step(lanes)
@@ -146,7 +145,7 @@ def search_wheel(lanes: Array, grid: Array, meta: Array, rover: Array, i: int, a
     half = rover[P_HALF + i]
     no_gap(lanes)
     for side in range(1 if half == 0.0 else 2):
-        for l in range(LANES):
+        for l in range(in_use(lanes)):
             lanes[RIM.offset + l] = half if side == 0 else -half
         search_rims(lanes, grid, meta, rover, i)
     unclear = 0.0
@@ -174,7 +173,7 @@ def search(lanes: Array, wheels: Array, grid: Array, meta: Array, rover: Array, 
         meta: the map header.
         rover: the packed rover.
         all_round: also check that the upper sides clear the terrain.
-        few: number of poses if their wheels are searched at once, else 0.
+        few: number of poses if their wheels are searched in parts, else 0.
 
     Reads:  POSE.x, POSE.y, POSE.q, POSE.active, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz,
             CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.gx, CONTACT.gy, CONTACT.gap, BOUND (all), RIM (all), COLUMN
@@ -184,13 +183,12 @@ def search(lanes: Array, wheels: Array, grid: Array, meta: Array, rover: Array, 
             CONTACT.gap, BOUND (all), RIM (all), COLUMN (all), CELL (all), PIECE (all), LOWEST (all), RIM_PIECES (all), TREAD
             (all), LOW_LINE (all), NODES (all), BILINEAR.col, BILINEAR.row, BILINEAR.rejected
     """
-    if few > 0:
-        gather_wheels(lanes, wheels, few)
+    for part in range(parts_of(few)):
+        gather_wheels(lanes, wheels, few, part)
         search_wheel(wheels, grid, meta, rover, 0, all_round)
-        return_contacts(lanes, wheels, few, True)
-    else:
-        for i in range(6):
-            search_wheel(lanes, grid, meta, rover, i, all_round)
+        return_contacts(lanes, wheels, few, part, False)
+    for i in range(0 if few > 0 else 6):
+        search_wheel(lanes, grid, meta, rover, i, all_round)
 
 
 @njit
@@ -220,7 +218,7 @@ def track_wheel(lanes: Array, grid: Array, meta: Array, rover: Array, i: int) ->
     """
     half = rover[P_HALF + i]
     no_gap(lanes)
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         k = i * LANES + l
         lanes[RIM.offset + l], lanes[CELL.col + l], lanes[CELL.row + l] = (
             math.copysign(half, lanes[CONTACT.offset + k]),
@@ -244,7 +242,7 @@ def track(lanes: Array, wheels: Array, grid: Array, meta: Array, rover: Array, f
         grid: node heights (bilinear) or spline coefficients (cubic), m.
         meta: the map header.
         rover: the packed rover.
-        few: number of poses if their wheels are searched at once, else 0.
+        few: number of poses if their wheels are searched in parts, else 0.
 
     Reads:  POSE.x, POSE.y, POSE.q, POSE.active, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz,
             CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.gx, CONTACT.gy, CONTACT.gap, BOUND.low, RIM.offset, RIM.p0,
@@ -260,13 +258,12 @@ def track(lanes: Array, wheels: Array, grid: Array, meta: Array, rover: Array, f
             TREAD.b_uu, TREAD.b_x, TREAD.b_y, TREAD.col_0, TREAD.row_0, TREAD.col_1, TREAD.row_1, TREAD.det, TREAD.half,
             TREAD.max_slope_squared, LOW_LINE (all), BILINEAR.col, BILINEAR.row, BILINEAR.rejected
     """
-    if few > 0:
-        gather_wheels(lanes, wheels, few)
+    for part in range(parts_of(few)):
+        gather_wheels(lanes, wheels, few, part)
         track_wheel(wheels, grid, meta, rover, 0)
-        return_contacts(lanes, wheels, few, False)
-    else:
-        for i in range(6):
-            track_wheel(lanes, grid, meta, rover, i)
+        return_contacts(lanes, wheels, few, part, False)
+    for i in range(0 if few > 0 else 6):
+        track_wheel(lanes, grid, meta, rover, i)
 
 
 @fma_njit
@@ -279,10 +276,10 @@ def largest_gaps(lanes: Array) -> None:
     Reads:  CONTACT.gap, BILINEAR.deepest
     Writes: BILINEAR.deepest
     """
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         lanes[BILINEAR.deepest + l] = 0.0
     for i in range(6):
-        for l in range(LANES):
+        for l in range(in_use(lanes)):
             gap, deep = abs(lanes[CONTACT.gap + i * LANES + l]), lanes[BILINEAR.deepest + l]
             lanes[BILINEAR.deepest + l] = max(deep, gap) + 0.0 * (deep + gap)  # max alone would lose a NaN
 
@@ -306,7 +303,7 @@ def classify_lanes(lanes: Array, verified: bool) -> bool:
     """
     largest_gaps(lanes)
     live = False
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         if lanes[BILINEAR.fate + l] == SEARCHING:
             done, lost = verified and lanes[BILINEAR.deepest + l] < CONVERGED_GAP, not lanes[BILINEAR.deepest + l] < math.inf
             if done:
@@ -348,7 +345,7 @@ def settle(lanes: Array, wheels: Array, ground: Ground, rover: Array, count: int
         ground: the packed terrain.
         rover: the packed rover.
         count: number of lanes in use, from the first.
-        few: number of poses if their wheels are searched at once, else 0.
+        few: number of poses if their wheels are searched in parts, else 0.
         rounds: number of rounds of tracking and searching, at most.
 
     Reads:  POSE.x, POSE.y, POSE.cy, POSE.sy, POSE.q, POSE.step, POSE.active, POSE.axes, POSE.right, POSE.rate, WHEEL (all),
@@ -360,7 +357,7 @@ def settle(lanes: Array, wheels: Array, ground: Ground, rover: Array, count: int
             LOW_LINE (all), NODES (all), BILINEAR (all)
     """
     grid, _, meta = ground
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         lanes[BILINEAR.fate + l] = SEARCHING if l < count else FAILED
     set_home(lanes, meta)
     place_body(lanes, rover)
@@ -377,9 +374,9 @@ def settle(lanes: Array, wheels: Array, ground: Ground, rover: Array, count: int
             place_body(lanes, rover)
             place_wheels(lanes, rover)
             live = 0.0
-            for l in range(LANES):
+            for l in range(in_use(lanes)):
                 lanes[POSE.active + l] = 0.0 if lanes[BILINEAR.deepest + l] < SEARCH_GAP else lanes[POSE.active + l]
-            for l in range(LANES):
+            for l in range(in_use(lanes)):
                 live += lanes[POSE.active + l]
             if live == 0.0:
                 break

@@ -12,7 +12,7 @@ from ..model.ground import META_DX, META_DY
 from ..model.linkage import P_HALF, P_RADIUS
 from .bilinear_contacts import terrain_at_spots
 from .bilinear_settle import SETTLED
-from .layout import BILINEAR, CELL, CONTACT, LANES, POSE, SPOT, WHEEL
+from .layout import BILINEAR, CELL, CONTACT, LANES, POSE, SPOT, WHEEL, in_use
 
 Array = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ def _sample(lanes: Array, rover: Array, i: int, share: float, side: float, along
     """
     i = min(max(i, 0), 5)
     r = rover[P_RADIUS + i]
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         k = i * LANES + l
         vx, vy, az, uz = lanes[WHEEL.vx + k], lanes[WHEEL.vy + k], lanes[WHEEL.az + k], lanes[WHEEL.uz + k]
         sine, cosine, s = lanes[CONTACT.sine + k], lanes[CONTACT.cosine + k], share * lanes[CONTACT.offset + k] + side
@@ -68,7 +68,7 @@ def _slopes(lanes: Array, meta: Array) -> None:
     Writes: SPOT.z, SPOT.h
     """
     over_x, over_y = 1.0 / meta[META_DX], 1.0 / meta[META_DY]
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         u, v = lanes[SPOT.x + l] * over_x - lanes[CELL.col + l], lanes[SPOT.y + l] * over_y - lanes[CELL.row + l]
         a, b, c, d = lanes[CELL.h00 + l], lanes[CELL.h01 + l], lanes[CELL.h10 + l], lanes[CELL.h11 + l]
         twist = a - b - c + d
@@ -134,16 +134,16 @@ def _refine(lanes: Array, grid: Array, meta: Array, rover: Array, i: int, spare:
     for n in range(3 if half > 0.0 else 1):
         _sample(lanes, rover, i, 0.0, half * (n - 1.0), 0.0)
         terrain_at_spots(lanes, grid, meta)
-        for l in range(LANES):
+        for l in range(in_use(lanes)):
             rise = lanes[SPOT.z + l] - lanes[SPOT.h + l] - lanes[CONTACT.gap + i * LANES + l]
             spare[l] = rise if n == 0 else max(spare[l], rise)
     for side in range(2):
         _sample(lanes, rover, i, 1.0, 0.0, STEP * (2.0 * side - 1.0))
         terrain_at_spots(lanes, grid, meta)
         _slopes(lanes, meta)
-        for l in range(LANES):
+        for l in range(in_use(lanes)):
             spare[(1 + 2 * side) * LANES + l], spare[(2 + 2 * side) * LANES + l] = lanes[SPOT.z + l], lanes[SPOT.h + l]
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         k = i * LANES + l
         vx, vy, az, uz = lanes[WHEEL.vx + k], lanes[WHEEL.vy + k], lanes[WHEEL.az + k], lanes[WHEEL.uz + k]
         sine, cosine, offset = lanes[CONTACT.sine + k], lanes[CONTACT.cosine + k], lanes[CONTACT.offset + k]

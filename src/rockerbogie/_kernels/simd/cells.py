@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from ..jit.decorators import fma_njit
 from ..jit.raw_views import node_taker
 from ..model.ground import META_DX, META_DY, META_NX, META_NY
-from .layout import CELL, HOME, LANES, LOWEST, POSE
+from .layout import CELL, HALF, HOME, LANES, LOWEST, POSE, in_use
 
 Array = NDArray[np.float64]
 
-#: Intrinsic that copies the heights at the corners of every lane's cell.
-take_corners = node_taker(2, LANES)
+#: Intrinsic that copies the heights at the corners of the cells of HALF lanes.
+take_corners = node_taker(2, HALF)
 
 
 @fma_njit
@@ -30,7 +30,7 @@ def set_home(lanes: Array, meta: Array) -> None:
     Writes: HOME (all)
     """
     over_x, over_y, last_x, last_y = 1.0 / meta[META_DX], 1.0 / meta[META_DY], meta[META_NX] - 2.0, meta[META_NY] - 2.0
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         i, j = np.floor(lanes[POSE.x + l] * over_x), np.floor(lanes[POSE.y + l] * over_y)
         lanes[HOME.col + l], lanes[HOME.row + l] = min(max(i, 0.0), last_x), min(max(j, 0.0), last_y)
 
@@ -45,7 +45,7 @@ def no_gap(lanes: Array) -> None:
     Reads:  HOME (all)
     Writes: LOWEST (all)
     """
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         lanes[LOWEST.gap + l] = lanes[LOWEST.doubt + l] = math.inf
         lanes[LOWEST.sine + l], lanes[LOWEST.cosine + l], lanes[LOWEST.offset + l], lanes[LOWEST.gx + l], lanes[LOWEST.gy + l] = (
             0.0,
@@ -72,9 +72,10 @@ def corners(lanes: Array, grid: Array, meta: Array) -> None:
     Writes: CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11
     """
     last_x, last_y = meta[META_NX] - 2.0, meta[META_NY] - 2.0
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         i, j, home_x, home_y = lanes[CELL.col + l], lanes[CELL.row + l], lanes[HOME.col + l], lanes[HOME.row + l]
         i, j = (i if i == i else home_x), (j if j == j else home_y)
         i, j = (i if i > 0.0 else 0.0), (j if j > 0.0 else 0.0)
         lanes[CELL.col + l], lanes[CELL.row + l] = (i if i < last_x else last_x), (j if j < last_y else last_y)
-    take_corners(lanes, CELL.col, CELL.row, grid, CELL.h00, LANES)
+    for first in range(0, in_use(lanes), HALF):
+        take_corners(lanes, CELL.col + first, CELL.row + first, grid, CELL.h00 + first, LANES)

@@ -18,7 +18,7 @@ from ..model.ground import META_DX, META_DY, META_MAX_CURVATURE, META_NX, META_N
 from ..model.linkage import P_BOGIE_PIVOT, P_HALF, P_HUB, P_PIVOT, P_RADIUS
 from ..model.tolerances import FINAL_GAP, MAX_ANGLE
 from ..search.tread import SMOOTH
-from .layout import ALL, CONTACT, CUBIC, LANES, POSE, WHEEL
+from .layout import ALL, CONTACT, CUBIC, HALF, LANES, POSE, WHEEL, in_use
 from .linkage import gap_jacobian, place_body, place_wheels, solve_step, take_step
 
 Array = NDArray[np.float64]
@@ -30,8 +30,8 @@ SMALL = 2e-6  # m and rad: last step where gaps are checked afterwards
 ROLLED = 4e-4  # rad: last movement of a contact, whose cube enters the gap
 STEPS = 12  # Newton steps, at most
 
-#: Intrinsic that copies the 16 spline coefficients of every lane's cell.
-take_patch = node_taker(4, LANES)
+#: Intrinsic that copies the 16 spline coefficients of the cells of HALF lanes.
+take_patch = node_taker(4, HALF)
 
 
 @fma_njit
@@ -47,7 +47,7 @@ def touching_points(lanes: Array, rover: Array) -> None:
     """
     for i in range(6):
         radius = rover[P_RADIUS + i]
-        for l in range(LANES):
+        for l in range(in_use(lanes)):
             k = i * LANES + l
             u, q, s = radius * lanes[CONTACT.sine + k], radius * lanes[CONTACT.cosine + k], lanes[CONTACT.offset + k]
             vx, vy, az, uz = lanes[WHEEL.vx + k], lanes[WHEEL.vy + k], lanes[WHEEL.az + k], lanes[WHEEL.uz + k]
@@ -76,7 +76,7 @@ def gather(lanes: Array, grid: Array, meta: Array, wheels: int) -> None:
     """
     over_x, over_y, last_x, last_y = 1.0 / meta[META_DX], 1.0 / meta[META_DY], meta[META_NX] - 2.0, meta[META_NY] - 2.0
     for w in range(wheels):
-        for l in range(LANES):
+        for l in range(in_use(lanes)):
             k = w * LANES + l
             x, y = lanes[WHEEL.ox + k] + lanes[CONTACT.tx + k], lanes[WHEEL.oy + k] + lanes[CONTACT.ty + k]
             u, v = (
@@ -87,7 +87,8 @@ def gather(lanes: Array, grid: Array, meta: Array, wheels: int) -> None:
             i, j = (i if i > 0.0 else 0.0), (j if j > 0.0 else 0.0)
             i, j = (i if i < last_x else last_x), (j if j < last_y else last_y)
             lanes[CUBIC.u + k], lanes[CUBIC.v + k], lanes[CUBIC.col + k], lanes[CUBIC.row + k] = u - i, v - j, i, j
-        take_patch(lanes, CUBIC.col + w * LANES, CUBIC.row + w * LANES, grid, CUBIC.coef + w * LANES, ALL)
+        for first in range(w * LANES, w * LANES + in_use(lanes), HALF):
+            take_patch(lanes, CUBIC.col + first, CUBIC.row + first, grid, CUBIC.coef + first, ALL)
 
 
 @inlined
@@ -132,7 +133,7 @@ def splines(lanes: Array, meta: Array, wheels: int) -> None:
     """
     over_x, over_y = 1.0 / meta[META_DX], 1.0 / meta[META_DY]
     for w in range(wheels):
-        for l in range(LANES):
+        for l in range(in_use(lanes)):
             k = w * LANES + l
             u, v = lanes[CUBIC.u + k], lanes[CUBIC.v + k]
             p, q = 1.0 - u, 1.0 - v
@@ -190,7 +191,7 @@ def roll_contacts(lanes: Array, rover: Array, meta: Array) -> None:
         reach = radius + half
         # a disc that is not verified afterwards must meet the condition of `follow_smooth`
         sharp = radius * meta[META_MAX_CURVATURE] if (half == 0.0) & (radius * meta[META_MAX_CURVATURE] < SMOOTH) else -math.inf
-        for l in range(LANES):
+        for l in range(in_use(lanes)):
             k = i * LANES + l
             s, c, offset = lanes[CONTACT.sine + k], lanes[CONTACT.cosine + k], lanes[CONTACT.offset + k]
             vx, vy, az, uz = lanes[WHEEL.vx + k], lanes[WHEEL.vy + k], lanes[WHEEL.az + k], lanes[WHEEL.uz + k]
@@ -267,11 +268,11 @@ def start(lanes: Array, grid: Array, meta: Array, rover: Array) -> None:
             CUBIC.rejected, CUBIC.first_sine, CUBIC.first_cosine
     """
     height = rover[P_RADIUS] - rover[P_HUB + 2] - rover[P_PIVOT + 2]
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         lanes[WHEEL.ox + l] = lanes[WHEEL.oy + l] = lanes[CONTACT.tx + l] = lanes[CONTACT.ty + l] = 0.0
     gather(lanes, grid, meta, 1)
     splines(lanes, meta, 1)
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         gx, gy, cy, sy = lanes[CONTACT.gx + l], lanes[CONTACT.gy + l], lanes[POSE.cy + l], lanes[POSE.sy + l]
         ahead, aside = gx * cy + gy * sy, gy * cy - gx * sy
         steep = math.sqrt(1.0 + ahead * ahead + aside * aside)
@@ -283,7 +284,7 @@ def start(lanes: Array, grid: Array, meta: Array, rover: Array) -> None:
         size = 1.0 / math.sqrt(1.0 + ahead * ahead)
         lanes[CUBIC.first_sine + l], lanes[CUBIC.first_cosine + l] = ahead * size, size
     for i in range(6):
-        for l in range(LANES):
+        for l in range(in_use(lanes)):
             k = i * LANES + l
             lanes[CONTACT.sine + k], lanes[CONTACT.cosine + k], lanes[CONTACT.offset + k], lanes[CUBIC.rejected + k] = (
                 lanes[CUBIC.first_sine + l],
@@ -357,13 +358,13 @@ def iterate(lanes: Array, grid: Array, meta: Array, rover: Array, small: float) 
         solve_step(lanes)
         take_step(lanes)
         live = 0.0
-        for l in range(LANES):
+        for l in range(in_use(lanes)):
             turn = max(
                 max(lanes[CUBIC.turn + l], max(lanes[CUBIC.turn + LANES + l], lanes[CUBIC.turn + 2 * LANES + l])),
                 max(lanes[CUBIC.turn + 3 * LANES + l], max(lanes[CUBIC.turn + 4 * LANES + l], lanes[CUBIC.turn + 5 * LANES + l])),
             )
             lanes[POSE.active + l] = 0.0 if (lanes[POSE.worst + l] < small) & (turn < ROLLED) else lanes[POSE.active + l]
-        for l in range(LANES):
+        for l in range(in_use(lanes)):
             live += lanes[POSE.active + l]
         if live == 0.0:
             break
@@ -381,7 +382,7 @@ def check_converged(lanes: Array) -> None:
     Reads:  POSE.q, POSE.active, CUBIC.rejected
     Writes: CUBIC.sound
     """
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         widest = max(
             max(abs(lanes[POSE.q + LANES + l]), max(abs(lanes[POSE.q + 2 * LANES + l]), abs(lanes[POSE.q + 3 * LANES + l]))),
             max(abs(lanes[POSE.q + 4 * LANES + l]), abs(lanes[POSE.q + 5 * LANES + l])),

@@ -18,7 +18,7 @@ from ..search.tread import SMOOTH
 from ..search.verify_minimum import LEAST, LOWER, UNKNOWN, is_least
 from ..search.workspace import Work
 from .cubic_newton import SMALL, check_converged, iterate, start
-from .layout import CONTACT, CUBIC, LANES, POSE, WHEEL
+from .layout import CONTACT, CUBIC, HALF, LANES, POSE, WHEEL, WIDTH, in_use
 from .linkage import place_body, place_wheels, set_heading
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ def load(
 ) -> None:  # fmt: skip
     """Fill a block with poses.
 
-    Spare lanes repeat the last pose. Steering that is common to all poses is set in a fresh block only.
+    Spare lanes repeat the last pose. Steering that is common to all poses is set in a fresh block only, in all lanes.
 
     Args:
         lanes: the lane array (`layout`).
@@ -51,7 +51,8 @@ def load(
     Reads:  POSE.yaw
     Writes: POSE.x, POSE.y, POSE.yaw, POSE.cy, POSE.sy, WHEEL.fx, WHEEL.fy, WHEEL.fz, WHEEL.fc, WHEEL.fs
     """
-    for l in range(LANES):
+    lanes[WIDTH] = HALF if count <= HALF else LANES
+    for l in range(LANES if fresh else in_use(lanes)):
         k = which[min(l, count - 1)]
         lanes[POSE.x + l], lanes[POSE.y + l] = x[k] - meta[META_X], y[k] - meta[META_Y]
         lanes[POSE.yaw + l] = yaw[k] if abs(yaw[k]) < FAR else 0.0
@@ -64,7 +65,7 @@ def load(
                 lanes[WHEEL.fz + k] = work.hub_offsets[i, 2]
                 lanes[WHEEL.fc + k], lanes[WHEEL.fs + k] = work.hub_offsets[i, 3], work.hub_offsets[i, 4]
     set_heading(lanes)
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         k = which[min(l, count - 1)]
         if abs(yaw[k]) >= FAR:
             lanes[POSE.cy + l], lanes[POSE.sy + l] = math.cos(yaw[k]), math.sin(yaw[k])
@@ -148,16 +149,16 @@ def settle_block(lanes: Array, ground: Ground, rover: Array, count: int, sure: f
             (all), HOME (all), BILINEAR.col, BILINEAR.row, BILINEAR.rejected, SPOT (all)
     """
     grid, _, meta = ground
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         lanes[POSE.active + l] = 1.0 if l < count else 0.0
     start(lanes, grid, meta, rover)
     if sure > 0.0:  # each wheel touches at one point only
         iterate(lanes, grid, meta, rover, sure)
         check_converged(lanes)
-        for l in range(LANES):
+        for l in range(in_use(lanes)):
             lanes[CUBIC.verdict + l] = LEAST if lanes[CUBIC.sound + l] == 1.0 else UNKNOWN
         return
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         lanes[CUBIC.verdict + l] = LOWER if l < count else UNKNOWN
     for _ in range(ROUNDS):
         iterate(lanes, grid, meta, rover, SMALL)

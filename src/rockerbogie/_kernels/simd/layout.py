@@ -4,6 +4,9 @@ The array is flat. A row holds one number for each lane, at `lanes[POSE.x + l]`,
 `lanes[WHEEL.fx + i * LANES + l]` for wheel i. Rows start at constants and the innermost loops run over lanes alone: so the
 compiler can derive that rows do not overlap, and turns these loops into vector instructions.
 
+The first number of the array is the number of lanes in use, `lanes[WIDTH]`: `LANES`, or `HALF` if a block has no more poses or
+wheels. Loops over lanes end there (`in_use`), and no number of a lane beyond is read.
+
 Each group of rows is a NamedTuple. In its class, the value after a field is the size of the row; in its instance, the
 value is the start of the row. The cubic and the bilinear solver have a lane array each, with the common groups first.
 
@@ -15,11 +18,20 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit.decorators import inlined
 from ..jit.rows import place_rows
 
-LANES = 16  # poses in a block: a multiple of 8
+Array = NDArray[np.float64]
+
+HALF = 8  # lanes that one instruction of the widest vectors takes
+LANES = 2 * HALF  # poses in a block
 ALL = 6 * LANES  # size of a row with a number for each wheel
 LINE = 8  # numbers in a cache line of the processor
+
+WIDTH = 0  # index of the number of lanes in use
 
 COLUMNS = 48  # columns of cells under one rim, at most
 SIDE = 48  # grid nodes under one wheel along x or y, at most
@@ -327,7 +339,7 @@ class SpotRows(NamedTuple):
     h: int = LANES  # height of the terrain; NaN where data is missing
 
 
-POSE, _end = place_rows(PoseRows, 0)
+POSE, _end = place_rows(PoseRows, LINE)
 WHEEL, _end = place_rows(WheelRows, _end)
 CONTACT, _common = place_rows(ContactRows, _end)
 
@@ -346,3 +358,21 @@ LOW_LINE, _end = place_rows(LowLineRows, _end)
 NODES, _end = place_rows(NodeRows, _end)
 BILINEAR, _end = place_rows(BilinearRows, _end)
 SPOT, BILINEAR_SIZE = place_rows(SpotRows, _end)
+#: Memory of two bilinear lane arrays, in one piece: glibc keeps freed memory up to twice the size of the largest piece. Of two
+#: pieces, it may return the pages to the system after each call; the next call then takes 20 page faults.
+TWO_BLOCKS = 2 * BILINEAR_SIZE + LINE
+
+
+@inlined
+def in_use(lanes: Array) -> int:
+    """Return the number of lanes in use, HALF or LANES.
+
+    The compiler derives from these two constants that rows do not overlap, and that vectors leave no remainder.
+
+    Args:
+        lanes: the lane array.
+
+    Reads:  none
+    Writes: none
+    """
+    return HALF if lanes[WIDTH] == HALF else LANES

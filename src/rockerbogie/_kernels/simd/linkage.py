@@ -12,7 +12,7 @@ from ..jit.raw_views import unowned_view
 from ..model.linkage import P_BOGIE_PIVOT, P_DIFF, P_ORDER, P_PIVOT
 from ..model.sincos import sine_cosine
 from ..model.tolerances import MAX_ROCKER_ANGLE, MAX_STEP_ANGLE
-from .layout import CONTACT, LANES, LINE, POSE, WHEEL
+from .layout import CONTACT, LANES, LINE, POSE, WHEEL, in_use
 
 Array = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ def set_heading(lanes: Array) -> None:
     Reads:  POSE.yaw
     Writes: POSE.cy, POSE.sy
     """
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         sine, cosine = sine_cosine(lanes[POSE.yaw + l])
         lanes[POSE.cy + l], lanes[POSE.sy + l] = cosine, sine
 
@@ -60,7 +60,7 @@ def place_body(lanes: Array, rover: Array) -> None:
     Reads:  POSE.cy, POSE.sy, POSE.q, POSE.right, POSE.rate
     Writes: POSE.axes, POSE.right, POSE.rate, WHEEL.lc, WHEEL.ls, WHEEL.bx, WHEEL.bz, WHEEL.br
     """
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         sr, cr = sine_cosine(lanes[POSE.q + LANES + l])
         sp, cp = sine_cosine(lanes[POSE.q + 2 * LANES + l])
         cy, sy = lanes[POSE.cy + l], lanes[POSE.sy + l]
@@ -72,15 +72,15 @@ def place_body(lanes: Array, rover: Array) -> None:
         lanes[POSE.right + l] = lanes[POSE.rate + l] = 0.0
     for k in range(int(rover[P_ORDER]) - 1, -1, -1):
         c = rover[P_DIFF + k]
-        for l in range(LANES):
+        for l in range(in_use(lanes)):
             rho = min(max(lanes[POSE.q + 3 * LANES + l], -MAX_ROCKER_ANGLE), MAX_ROCKER_ANGLE)
             lanes[POSE.rate + l] = lanes[POSE.rate + l] * rho + lanes[POSE.right + l]
             lanes[POSE.right + l] = lanes[POSE.right + l] * rho + c
     bogie, rocker = (rover[P_BOGIE_PIVOT], rover[P_BOGIE_PIVOT + 2]), (rover[P_PIVOT], rover[P_PIVOT + 2])
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         _place_side(lanes, l, 0, rocker, bogie, lanes[POSE.q + 3 * LANES + l], 1.0)
     bogie, rocker = (rover[P_BOGIE_PIVOT + 3], rover[P_BOGIE_PIVOT + 5]), (rover[P_PIVOT + 3], rover[P_PIVOT + 5])
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         _place_side(lanes, l, 1, rocker, bogie, lanes[POSE.right + l], lanes[POSE.rate + l])
 
 
@@ -129,7 +129,7 @@ def place_wheels(lanes: Array, rover: Array) -> None:
     for i in range(6):
         side = i % 2
         py = rover[P_PIVOT + 3 * side + 1] + (rover[P_BOGIE_PIVOT + 3 * side + 1] if i > 1 else 0.0)
-        for l in range(LANES):
+        for l in range(in_use(lanes)):
             k = i * LANES + l
             c, s, fx, fz = lanes[WHEEL.lc + k], lanes[WHEEL.ls + k], lanes[WHEEL.fx + k], lanes[WHEEL.fz + k]
             bx, by, bz = lanes[WHEEL.bx + k] + c * fx + s * fz, py + lanes[WHEEL.fy + k], lanes[WHEEL.bz + k] - s * fx + c * fz
@@ -162,7 +162,7 @@ def gap_jacobian(lanes: Array, rover: Array) -> None:
     for i in range(6):
         side = i % 2
         px, pz = rover[P_PIVOT + 3 * side], rover[P_PIVOT + 3 * side + 2]
-        for l in range(LANES):
+        for l in range(in_use(lanes)):
             k = i * LANES + l
             gx, gy = lanes[CONTACT.gx + k], lanes[CONTACT.gy + k]
             wx, wy, wz = (
@@ -235,7 +235,7 @@ def solve_step(lanes: Array) -> None:
     Reads:  CONTACT.gap, CONTACT.by_roll, CONTACT.by_pitch, CONTACT.by_rocker, CONTACT.by_bogie
     Writes: POSE.step
     """
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         a1, a2, a3, a = (
             lanes[CONTACT.by_roll + l],
             lanes[CONTACT.by_pitch + l],
@@ -278,7 +278,7 @@ def take_step(lanes: Array) -> None:
     Reads:  POSE.q, POSE.step, POSE.active
     Writes: POSE.q, POSE.worst
     """
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         z, roll, pitch = lanes[POSE.step + l], lanes[POSE.step + LANES + l], lanes[POSE.step + 2 * LANES + l]
         rocker, left, right = lanes[POSE.step + 3 * LANES + l], lanes[POSE.step + 4 * LANES + l], lanes[POSE.step + 5 * LANES + l]
         total = abs(z) + abs(roll) + abs(pitch) + abs(rocker) + abs(left) + abs(right)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit.decorators import fma_njit, inlined
-from .layout import BOUND, LANES
+from .layout import BOUND, LANES, in_use
 
 Array = NDArray[np.float64]
 
@@ -47,14 +47,11 @@ def lowest(lanes: Array, bounds: int, count: int) -> None:
     Writes: BOUND (all)
     """
     bounds, groups = min(max(bounds, 0), MOST_ROWS), min(max((count + 7) // 8, 0), MOST)
-    lane_count = min(
-        LANES, groups * LANES
-    )  # LANES; as a constant, the compiler would write out short loops instead of vectorising them
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         lanes[BOUND.low + l], lanes[BOUND.piece + l] = math.inf, 0.0
     for m in range(groups):
         at = bounds + 8 * m * LANES
-        for l in range(lane_count):
+        for l in range(in_use(lanes)):
             a, i = _lower(lanes[at + l], 0.0, lanes[at + LANES + l], 1.0)
             b, j = _lower(lanes[at + 2 * LANES + l], 2.0, lanes[at + 3 * LANES + l], 3.0)
             c, k = _lower(lanes[at + 4 * LANES + l], 4.0, lanes[at + 5 * LANES + l], 5.0)
@@ -79,7 +76,7 @@ def next_lowest(lanes: Array, bounds: int, count: int) -> None:
     Reads:  bounds, BOUND (all)
     Writes: bounds, BOUND (all)
     """
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         lanes[np.uint64(bounds + l) + np.uint64(lanes[BOUND.piece + l]) * np.uint64(LANES)] = math.inf
     lowest(lanes, bounds, count)
 
@@ -97,5 +94,5 @@ def pad_bounds(lanes: Array, bounds: int, count: int) -> None:
     Writes: bounds
     """
     for m in range(count, (count + 7) // 8 * 8):
-        for l in range(LANES):
+        for l in range(in_use(lanes)):
             lanes[bounds + m * LANES + l] = math.inf

@@ -17,7 +17,7 @@ from ..jit.decorators import fma_njit, inlined
 from ..model.ground import META_DX, META_DY
 from ..model.linkage import P_RADIUS
 from .cells import corners
-from .layout import CELL, COLUMN, COLUMNS, LANES, LOWEST, POSE, RIM, RIM_PIECES, WHEEL
+from .layout import CELL, COLUMN, COLUMNS, LANES, LOWEST, POSE, RIM, RIM_PIECES, WHEEL, in_use
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ def set_rims(lanes: Array, rover: Array, meta: Array, i: int) -> None:
     i = min(max(i, 0), 5)
     radius = rover[P_RADIUS + i]
     over_x, over_y = 1.0 / meta[META_DX], 1.0 / meta[META_DY]
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         k = i * LANES + l
         vx, vy, az, uz, s = (
             lanes[WHEEL.vx + k],
@@ -220,7 +220,7 @@ def _bound(lanes: Array, at_s: int, at_c: int, to_s: int, to_c: int, cell: int, 
             RIM.swap, CELL.p, CELL.h00, CELL.h01, CELL.h10, CELL.h11
     Writes: out
     """
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         _, _, twist, f0, gs, gc, _ = rim_over_cell(lanes, l, lanes[CELL.p + l], lanes[cell + l])
         # rounding may move an end above the height of the axle
         sl, cl, sr, cr = lanes[at_s + l], max(lanes[at_c + l], 0.0), lanes[to_s + l], max(lanes[to_c + l], 0.0)
@@ -254,7 +254,7 @@ def _arc_beyond(lanes: Array) -> None:
             COLUMN.cell_in, COLUMN.cell_out, COLUMN.cell_turn, CELL.p
     Writes: COLUMN.s_into, COLUMN.c_into, COLUMN.s_back, COLUMN.c_back, CELL.col, CELL.row
     """
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         turn, low, high = (
             lanes[COLUMN.cell_turn + l],
             min(lanes[COLUMN.cell_in + l], lanes[COLUMN.cell_out + l]),
@@ -299,10 +299,7 @@ def bound_pieces(lanes: Array, grid: Array, meta: Array, columns: int) -> None:
     Writes: COLUMN (all), CELL.p, CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, LOWEST.doubt, RIM_PIECES (all)
     """
     columns = min(max(columns, 0), COLUMNS)
-    lane_count = min(
-        LANES, columns * LANES
-    )  # LANES; as a constant, the compiler would write out short loops instead of vectorising them
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         s, c = crossing(lanes[RIM.a + l], lanes[RIM.b + l], lanes[RIM.over_h + l], lanes[RIM.h2 + l], lanes[RIM.low_p + l])
         lanes[COLUMN.s_in + l], lanes[COLUMN.c_in + l], lanes[COLUMN.t_in + l] = (
             s,
@@ -310,7 +307,7 @@ def bound_pieces(lanes: Array, grid: Array, meta: Array, columns: int) -> None:
             lanes[RIM.t0 + l] + lanes[RIM.c + l] * s + lanes[RIM.d + l] * c,
         )
     for m in range(columns):
-        for l in range(LANES):
+        for l in range(in_use(lanes)):
             c, d, first, t_in = lanes[RIM.c + l], lanes[RIM.d + l], lanes[RIM.first + l], lanes[COLUMN.t_in + l]
             line = min(first + (m + 1.0) - lanes[RIM.p0 + l], lanes[RIM.high_p + l])
             s_out, c_out = crossing(lanes[RIM.a + l], lanes[RIM.b + l], lanes[RIM.over_h + l], lanes[RIM.h2 + l], line)
@@ -337,23 +334,23 @@ def bound_pieces(lanes: Array, grid: Array, meta: Array, columns: int) -> None:
             lanes[CELL.col + l], lanes[CELL.row + l] = (from_cell if swap else column), (column if swap else from_cell)
         corners(lanes, grid, meta)
         _bound(lanes, COLUMN.s_in, COLUMN.c_in, COLUMN.s_mid, COLUMN.c_mid, COLUMN.cell_in, COLUMN.bound_in)
-        for l in range(LANES):
+        for l in range(in_use(lanes)):
             swap, p, t = lanes[RIM.swap + l] > 0.0, lanes[CELL.p + l], lanes[COLUMN.cell_out + l]
             lanes[CELL.col + l], lanes[CELL.row + l] = (t if swap else p), (p if swap else t)
         corners(lanes, grid, meta)
         _bound(lanes, COLUMN.s_mid, COLUMN.c_mid, COLUMN.s_out, COLUMN.c_out, COLUMN.cell_out, COLUMN.bound_out)
         turning = 0
-        for l in range(lane_count):
+        for l in range(in_use(lanes)):
             turning += 1 if lanes[COLUMN.beyond + l] > 0.0 else 0
         if turning > 0:
             # the third cell is not searched
             _arc_beyond(lanes)
             corners(lanes, grid, meta)
             _bound(lanes, COLUMN.s_into, COLUMN.c_into, COLUMN.s_back, COLUMN.c_back, COLUMN.cell_turn, COLUMN.low_beyond)
-            for l in range(LANES):
+            for l in range(in_use(lanes)):
                 doubt, low = lanes[LOWEST.doubt + l], lanes[COLUMN.low_beyond + l]
                 lanes[LOWEST.doubt + l] = min(doubt, low) if lanes[COLUMN.beyond + l] > 0.0 else doubt
-        for l in range(LANES):
+        for l in range(in_use(lanes)):
             k = 2 * m * LANES + l
             none, cell_in, cell_out, bound_in, bound_out = (
                 1.0 * m > lanes[RIM.more + l],

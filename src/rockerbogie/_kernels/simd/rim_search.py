@@ -16,7 +16,7 @@ from ..model.ground import META_DX, META_DY
 from ..model.linkage import P_HALF
 from ..model.tolerances import CELL_MARGIN, GAP_TIE
 from .cells import corners
-from .layout import BOUND, CELL, COLUMNS, CONTACT, LANES, LOWEST, PIECE, RIM, RIM_PIECES
+from .layout import BOUND, CELL, COLUMNS, CONTACT, LANES, LOWEST, PIECE, RIM, RIM_PIECES, in_use
 from .lowest_bound import lowest, next_lowest, pad_bounds
 from .rim_bounds import NONE, ROOT_2, PieceGap, bound_pieces, crossing, gap_at, gap_curvature, gap_slope, rim_over_cell, set_rims
 
@@ -26,14 +26,13 @@ TRACKED = -2e300  # BOUND.low below this: the cell is given, and a point beside 
 
 
 @fma_njit
-def take_lowest_pieces(lanes: Array, lane_count: int) -> int:
+def take_lowest_pieces(lanes: Array) -> int:
     """Select the lanes whose lowest bound is below the lowest gap found.
 
     The cells of their pieces are written. BOUND.low becomes infinite in the other lanes.
 
     Args:
         lanes: the lane array (`layout`).
-        lane_count: LANES; passed as a number, so that the compiler does not write out short loops.
 
     Returns:
         Number of lanes selected.
@@ -41,17 +40,16 @@ def take_lowest_pieces(lanes: Array, lane_count: int) -> int:
     Reads:  BOUND (all), RIM.swap, RIM.first, CELL.p, CELL.t, LOWEST.gap, RIM_PIECES.cell
     Writes: BOUND.low, CELL.p, CELL.t, CELL.col, CELL.row
     """
-    lane_count = min(max(lane_count, 0), LANES)
     count = 0
-    for l in range(lane_count):
+    for l in range(in_use(lanes)):
         low = lanes[BOUND.low + l]
         matters = low < lanes[LOWEST.gap + l] - GAP_TIE
         lanes[BOUND.low + l] = low if matters else math.inf
         lanes[CELL.p + l] = lanes[RIM.first + l] + np.floor(0.5 * lanes[BOUND.piece + l])
         count += 1 if matters else 0
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         lanes[CELL.t + l] = lanes[RIM_PIECES.cell + np.uint64(lanes[BOUND.piece + l]) * np.uint64(LANES) + np.uint64(l)]
-    for l in range(lane_count):
+    for l in range(in_use(lanes)):
         swap, p, t = lanes[RIM.swap + l] > 0.0, lanes[CELL.p + l], lanes[CELL.t + l]
         lanes[CELL.col + l], lanes[CELL.row + l] = (t if swap else p), (p if swap else t)
     return count
@@ -73,7 +71,7 @@ def pieces_over_cells(lanes: Array) -> None:
     Writes: PIECE.sl, PIECE.cl, PIECE.sr, PIECE.cr, PIECE.late, PIECE.early, PIECE.f0, PIECE.gs, PIECE.gc, PIECE.twist,
             PIECE.slope_p, PIECE.slope_t, PIECE.sine, PIECE.cosine
     """
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         a, b, c, d = lanes[RIM.a + l], lanes[RIM.b + l], lanes[RIM.c + l], lanes[RIM.d + l]
         over_h, over_q, h2, q2, low_p, high_p = (
             lanes[RIM.over_h + l],
@@ -100,7 +98,7 @@ def pieces_over_cells(lanes: Array) -> None:
         s, k = crossing(up * c, up * d, over_q, q2, up * out)
         lanes[PIECE.sr + l], lanes[PIECE.cr + l] = (s if early else sr), (k if early else cr)
         lanes[PIECE.late + l], lanes[PIECE.early + l] = (1.0 if late else 0.0), (1.0 if early else 0.0)
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         slope_p, slope_t, twist, f0, gs, gc, _ = rim_over_cell(lanes, l, lanes[CELL.p + l], lanes[CELL.t + l])
         sl, cl, sr, cr = lanes[PIECE.sl + l], lanes[PIECE.cl + l], lanes[PIECE.sr + l], lanes[PIECE.cr + l]
         ac, bd, e = lanes[RIM.ac + l], lanes[RIM.bd + l], lanes[RIM.e + l]
@@ -171,7 +169,7 @@ def newton_on_pieces(lanes: Array) -> None:
             PIECE.sine, PIECE.cosine
     Writes: PIECE.sine, PIECE.cosine, PIECE.before, PIECE.after
     """
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         s, k, piece = lanes[PIECE.sine + l], lanes[PIECE.cosine + l], _gap_of_piece(lanes, l)
         g, h = gap_slope(piece, s, k), gap_curvature(piece, s, k)
         step = min(max(-g * k / (h * k + g * s), -0.3), 0.3)  # Newton's step in sin φ, times cos φ
@@ -203,7 +201,7 @@ def keep_lower_gap(lanes: Array, meta: Array) -> None:
     Writes: PIECE.gap, PIECE.sine, PIECE.cosine, PIECE.before, PIECE.after, LOWEST (all)
     """
     over_x, over_y = 1.0 / meta[META_DX], 1.0 / meta[META_DY]
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         s, k, piece = lanes[PIECE.sine + l], lanes[PIECE.cosine + l], _gap_of_piece(lanes, l)
         sl, cl, sr, cr = lanes[PIECE.sl + l], lanes[PIECE.cl + l], lanes[PIECE.sr + l], lanes[PIECE.cr + l]
         before, beyond, curl = lanes[PIECE.before + l] > 0.0, lanes[PIECE.after + l] > 0.0, 2.0 * (piece.ac - piece.bd)
@@ -235,7 +233,7 @@ def keep_lower_gap(lanes: Array, meta: Array) -> None:
             (1.0 if before else 0.0),
             (1.0 if beyond else 0.0),
         )
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         f, s, k, twist, late, early = (
             lanes[PIECE.gap + l],
             lanes[PIECE.sine + l],
@@ -326,7 +324,7 @@ def search_rims(lanes: Array, grid: Array, meta: Array, rover: Array, i: int) ->
     """
     set_rims(lanes, rover, meta, i)
     columns = 0
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         if lanes[RIM.more + l] < COLUMNS:
             columns = max(columns, int(lanes[RIM.more + l]) + 1)
         else:
@@ -334,7 +332,7 @@ def search_rims(lanes: Array, grid: Array, meta: Array, rover: Array, i: int) ->
     bound_pieces(lanes, grid, meta, columns)
     pad_bounds(lanes, RIM_PIECES.bound, 2 * columns)
     lowest(lanes, RIM_PIECES.bound, 2 * columns)
-    while take_lowest_pieces(lanes, min(LANES, columns * LANES)) > 0:
+    while take_lowest_pieces(lanes) > 0:
         corners(lanes, grid, meta)
         refine_pieces(lanes, meta)
         next_lowest(lanes, RIM_PIECES.bound, 2 * columns)
@@ -361,7 +359,7 @@ def track_rims(lanes: Array, grid: Array, meta: Array, rover: Array, i: int) -> 
     """
     set_rims(lanes, rover, meta, i)
     half = rover[P_HALF + i]
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         swap = lanes[RIM.swap + l] > 0.0
         lanes[CELL.p + l], lanes[CELL.t + l] = (
             (lanes[CELL.row + l] if swap else lanes[CELL.col + l]),

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..jit.decorators import fma_njit, inlined
 from ..model.linkage import P_RADIUS
 from ..model.tolerances import GAP_TIE
-from .layout import BOUND, CELL, LANES, LOWEST, NODES, ROOM, SIDE, TREAD
+from .layout import BOUND, CELL, LANES, LOWEST, NODES, ROOM, SIDE, TREAD, in_use
 
 Array = NDArray[np.float64]
 
@@ -242,7 +242,7 @@ def bound_edges(lanes: Array, rover: Array, i: int, columns: int, lines: int) ->
             at = NODES.height + min(m * columns + n, ROOM - 1) * LANES
             right, above = at + LANES, NODES.height + min((m + 1) * columns + n, ROOM - 1) * LANES
             out = NODES.bound + min(m * columns + n, ROOM - 1) * LANES
-            for l in range(LANES):
+            for l in range(in_use(lanes)):
                 h, h_right, h_above = lanes[at + l], lanes[right + l], lanes[above + l]
                 along_x, along_y = _along_x(lanes, l), _along_y(lanes, l)
                 col, row = lanes[TREAD.col_0 + l] + n, lanes[TREAD.row_0 + l] + m
@@ -269,7 +269,7 @@ def take_heights_of_edges(lanes: Array, columns: int) -> None:
     Writes: CELL.h00, CELL.h01, CELL.h10
     """
     columns = min(max(columns, 0), SIDE)
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         piece = min(max(int(lanes[BOUND.piece + l]), 0), ROOM - 1)
         lanes[CELL.h00 + l], lanes[CELL.h01 + l] = (
             lanes[NODES.height + piece * LANES + l],
@@ -297,7 +297,7 @@ def edges_of_nodes(lanes: Array, rover: Array, i: int) -> None:
     """
     i = min(max(i, 0), 5)
     radius = rover[P_RADIUS + i]
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         col, row, sought = lanes[CELL.col + l], lanes[CELL.row + l], lanes[BOUND.low + l] < math.inf
         end_col, end_row, h = lanes[TREAD.col_1 + l], lanes[TREAD.row_1 + l], lanes[CELL.h00 + l]
         along_x, along_y = _along_x(lanes, l), _along_y(lanes, l)
@@ -325,7 +325,7 @@ def edges_of_cells(lanes: Array, rover: Array, i: int) -> None:
     """
     i = min(max(i, 0), 5)
     radius = rover[P_RADIUS + i]
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         col, row, along_x, along_y = lanes[CELL.col + l], lanes[CELL.row + l], _along_x(lanes, l), _along_y(lanes, l)
         u = lanes[TREAD.u0 + l] + col * along_x.du + row * along_y.du
         v = lanes[TREAD.v0 + l] + col * along_x.dv + row * along_y.dv

@@ -11,7 +11,7 @@ from ..jit.decorators import fma_njit, njit
 from ..model.ground import META_DX, META_DY, META_NX, META_NY, META_STEEP
 from ..model.linkage import P_HALF, P_RADIUS
 from ..model.tolerances import GAP_TIE
-from .layout import CONTACT, HOME, LANES, NODES, POSE, ROOM, SIDE, TREAD, WHEEL
+from .layout import CONTACT, HOME, LANES, NODES, POSE, ROOM, SIDE, TREAD, WHEEL, in_use
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ def set_treads(lanes: Array, rover: Array, meta: Array, i: int) -> None:
     i = min(max(i, 0), 5)
     radius, half = rover[P_RADIUS + i], rover[P_HALF + i]
     dx, dy, last_x, last_y = meta[META_DX], meta[META_DY], meta[META_NX] - 1.0, meta[META_NY] - 1.0
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         k = i * LANES + l
         vx, vy, az, uz = lanes[WHEEL.vx + k], lanes[WHEEL.vy + k], lanes[WHEEL.az + k], lanes[WHEEL.uz + k]
         x, y = lanes[POSE.x + l] + lanes[WHEEL.ox + k], lanes[POSE.y + l] + lanes[WHEEL.oy + k]
@@ -111,7 +111,7 @@ def nodes_under(lanes: Array) -> tuple[int, int]:
     Writes: TREAD.fits
     """
     columns = lines = 0
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         nx, ny = lanes[TREAD.col_1 + l] - lanes[TREAD.col_0 + l] + 1.0, lanes[TREAD.row_1 + l] - lanes[TREAD.row_0 + l] + 1.0
         lanes[TREAD.fits + l] = 1.0 if nx <= SIDE and ny <= SIDE else 0.0
         if lanes[TREAD.fits + l] > 0.0:
@@ -138,7 +138,7 @@ def take_heights(lanes: Array, grid: Array, columns: int, lines: int) -> None:
     for m in range(lines):
         for n in range(columns):
             at = NODES.height + min(m * columns + n, ROOM - 1) * LANES
-            for l in range(LANES):
+            for l in range(in_use(lanes)):
                 column, row = (
                     max(min(lanes[TREAD.col_0 + l] + n, lanes[TREAD.col_1 + l]), 0.0),
                     max(min(lanes[TREAD.row_0 + l] + m, lanes[TREAD.row_1 + l]), 0.0),
@@ -148,7 +148,7 @@ def take_heights(lanes: Array, grid: Array, columns: int, lines: int) -> None:
                     (column if column == column else home_x),
                     (row if row == row else home_y),
                 )
-            for l in range(LANES):
+            for l in range(in_use(lanes)):
                 lanes[TREAD.node_height + l] = grid[np.uint64(lanes[TREAD.node_row + l]), np.uint64(lanes[TREAD.node_col + l])]
-            for l in range(LANES):
+            for l in range(in_use(lanes)):
                 lanes[at + l] = lanes[TREAD.node_height + l]

@@ -15,7 +15,7 @@ from ..jit.decorators import fma_njit, inlined
 from ..model.linkage import P_HALF, P_RADIUS
 from ..model.tolerances import GAP_TIE
 from .cells import corners
-from .layout import BOUND, CELL, CONTACT, LANES, LOW_LINE, LOWEST, NODES, ROOM, SIDE, TREAD
+from .layout import BOUND, CELL, CONTACT, LANES, LOW_LINE, LOWEST, NODES, ROOM, SIDE, TREAD, in_use
 from .lowest_bound import lowest, next_lowest, pad_bounds
 from .rim_bounds import NONE
 from .tread_edges import bound_edges, edges_of_cells, edges_of_nodes, keep_lower_inside, take_heights_of_edges
@@ -52,7 +52,7 @@ def bound_cells(lanes: Array, rover: Array, i: int, columns: int, lines: int) ->
             right, above = at + LANES, NODES.height + min((m + 1) * columns + n, ROOM - 1) * LANES
             out = NODES.bound + min(m * columns + n, ROOM - 1) * LANES
             beyond = min(above + LANES, NODES.height + (ROOM - 1) * LANES)
-            for l in range(LANES):
+            for l in range(in_use(lanes)):
                 a, b, d, e = lanes[at + l], lanes[right + l], lanes[above + l], lanes[beyond + l]
                 col, row, du, dv, eu, ev = (
                     lanes[TREAD.col_0 + l] + n,
@@ -115,7 +115,7 @@ def low_lines(lanes: Array, rover: Array, i: int) -> float:
     i = min(max(i, 0), 5)
     radius = rover[P_RADIUS + i]
     end = 0.9999999 * radius
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         tan, over = lanes[TREAD.tan + l], lanes[TREAD.over + l]
         slope_x, slope_y, twist, u, (xu, xv, yu, yv) = _in_tread_coordinates(lanes, l)
         hu, hv, huu, huv, hvv = (
@@ -145,7 +145,7 @@ def low_lines(lanes: Array, rover: Array, i: int) -> float:
         lanes[LOW_LINE.m_left + l], lanes[LOW_LINE.m_right + l] = m0, m1
         lanes[LOW_LINE.open + l] = 1.0 if convex & (not ((f1 <= 0.0) & (f0 >= 0.0))) else 0.0
     count = 0.0
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         count += lanes[LOW_LINE.open + l]
     return count
 
@@ -200,7 +200,7 @@ def lowest_on_lines(lanes: Array, rover: Array, i: int) -> None:
     """
     i = min(max(i, 0), 5)
     radius = rover[P_RADIUS + i]
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         col, row, tan, over = lanes[CELL.col + l], lanes[CELL.row + l], lanes[TREAD.tan + l], lanes[TREAD.over + l]
         slope_x, slope_y, twist, u, (xu, xv, yu, yv) = _in_tread_coordinates(lanes, l)
         v = lanes[TREAD.v0 + l] + col * lanes[TREAD.v_x + l] + row * lanes[TREAD.v_y + l]
@@ -278,7 +278,7 @@ def take_lowest_nodes(lanes: Array, columns: int) -> float:
     Writes: BOUND.low, CELL.col, CELL.row
     """
     over = 1.0 / max(columns, 1)
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         low = lanes[BOUND.low + l]
         lanes[BOUND.low + l] = low if low < lanes[LOWEST.gap + l] - GAP_TIE else math.inf
         row = np.floor((lanes[BOUND.piece + l] + 0.5) * over)
@@ -287,7 +287,7 @@ def take_lowest_nodes(lanes: Array, columns: int) -> float:
             lanes[TREAD.row_0 + l] + row,
         )
     lane_count = 0.0
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         lane_count += 1.0 if lanes[BOUND.low + l] < math.inf else 0.0
     return lane_count
 
@@ -314,7 +314,7 @@ def search_insides(lanes: Array, grid: Array, meta: Array, rover: Array, i: int,
     Writes: BOUND (all), CELL.col, CELL.row, CELL.h00, CELL.h01, CELL.h10, CELL.h11, LOWEST.gap, LOWEST.sine, LOWEST.cosine,
             LOWEST.offset, LOWEST.col, LOWEST.row, LOWEST.doubt, LOW_LINE (all), NODES.bound
     """
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         lanes[LOWEST.doubt + l] = lanes[LOWEST.doubt + l] if lanes[TREAD.fits + l] > 0.0 else NONE
     pad_bounds(lanes, NODES.bound, columns * lines)
     bound_edges(lanes, rover, i, columns, lines)
@@ -349,7 +349,7 @@ def track_insides(lanes: Array, rover: Array, meta: Array, i: int) -> None:
             LOW_LINE (all)
     """
     half = rover[P_HALF + i]
-    for l in range(LANES):
+    for l in range(in_use(lanes)):
         inside = abs(lanes[CONTACT.offset + i * LANES + l]) < half
         lanes[TREAD.half + l], lanes[BOUND.low + l] = (half, NONE) if inside else (-1.0, math.inf)
     edges_of_cells(lanes, rover, i)
