@@ -19,7 +19,7 @@ import rockerbogie as rb
 
 PAGE = FilePath(__file__).resolve().parents[1] / "docs" / "prediction.md"
 FIRST, LAST = "<!-- sensitivity -->", "<!-- end of sensitivity -->"
-SPEED, LENGTH, DRIVES = 0.04, 20.0, 16
+SPEED, LENGTH, DRIVES = 0.04, 20.0, 64
 STEPS, FINEST = (0.25, 0.0625), 0.015625  # m
 MOVES = (1e-9, 1e-6, 1e-3)  # m
 AT = (1, 2, 5, 10, 20)  # m

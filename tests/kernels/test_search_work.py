@@ -39,6 +39,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     ):  # fmt: skip
         monkeypatch.setattr(module, name, getattr(module, name).py_func)
     monkeypatch.setattr(tread, "search_curved_cell", cubic_cell.search_curved_cell.py_func)  # type: ignore[attr-defined]
+    monkeypatch.setattr(tread, "_search_open", tread._search_open.py_func)  # type: ignore[attr-defined]
     for rover, height in (("curiosity", 10.0), ("elhami-dashti", 0.3)):  # compile what calls the counted functions
         search_below(rb.load_rover(rover), wall(height), 20.3, 0.3, 0.02)
     for module, name in ((cubic_rim, "_along"), (cubic_tread, "surface")):

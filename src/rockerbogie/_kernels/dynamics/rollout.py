@@ -225,6 +225,9 @@ def runge_kutta(
 ) -> int:
     """Advance one step from the station in `state.kept`, without evaluating its end.
 
+    The method is that of Bogacki and Shampine (1989), of order 3, with stages at 0, 1/2 and 3/4 of the step. The motion jumps
+    where a contact does, and of such a function these three give a closer mean than 0, 1/2 and 1 of the classical method.
+
     Args:
         ground, rover, command, drive, work, s, m: as for `evaluate`.
         span: duration of the step, s.
@@ -234,24 +237,27 @@ def runge_kutta(
         CONVERGED, or the code of the stage without a solution; `place` is then that stage's.
     """
     kept, total, cubic = state.kept, state.total, ground[2][META_CUBIC] != 0.0
-    total[:3], total[3:] = state.w, state.power
-    for stage in range(3):
-        share = 1.0 if stage == 2 else 0.5
+    for j in range(3):
+        total[j] = 2.0 * state.w[j]
+    for j in range(2):
+        total[3 + j] = 2.0 * state.power[j]
+    for stage in range(2):
+        share, ahead, weight = (0.5, 0.5, 3.0) if stage == 0 else (0.75, 0.25, 4.0)
         for j in range(3):
             state.place[j] = kept[j] + share * span * state.w[j]
-        if stage != 1:  # from the pose before, by its rates
-            for j in range(6):
-                state.q[j] += 0.5 * span * state.rates[j]
-        code, _ = evaluate(ground, rover, stage != 1, cubic and stage == 0, command, drive, work, s, m, state)
+        for j in range(6):  # from the pose before, by its rates
+            state.q[j] += ahead * span * state.rates[j]
+        code, _ = evaluate(ground, rover, True, cubic and stage == 0, command, drive, work, s, m, state)
         if code != CONVERGED:
             return code
-        times = 1.0 if stage == 2 else 2.0
         for j in range(3):
-            total[j] += times * state.w[j]
+            total[j] += weight * state.w[j]
         for j in range(2):
-            total[3 + j] += times * state.power[j]
+            total[3 + j] += weight * state.power[j]
     for j in range(3):
-        state.place[j] = kept[j] + span / 6.0 * total[j]
+        state.place[j] = kept[j] + span / 9.0 * total[j]
+    for j in range(6):
+        state.q[j] += 0.25 * span * state.rates[j]
     return CONVERGED
 
 
@@ -309,7 +315,7 @@ def predict_batch(
     tolerance: float, every: int, out: Array, ends: NDArray[np.int64], places: Array,
     start: int, stop: int,
 ) -> None:  # fmt: skip
-    """Predict drives by the classical Runge-Kutta method, commands constant over a step.
+    """Predict drives by a Runge-Kutta method of order 3, commands constant over a step.
 
     Args:
         ground, rover: the packed terrain and rover.
@@ -374,7 +380,7 @@ def predict_batch(
                     if code == CONVERGED:
                         code, steps = evaluate(land, car, True, True, command, drive, work, s, m, state)
                     gain = -s.weight[2] * (state.height[0] - kept[20])
-                    error = abs(share / 6.0 * (state.total[3] - state.total[4]) - gain)
+                    error = abs(share / 9.0 * (state.total[3] - state.total[4]) - gain)
                     if worst < math.inf:
                         halve = depth < DEEPEST and (code != CONVERGED or not error <= worst)
                     else:  # a stage may lack a pose or a motion only because the step is long
@@ -385,7 +391,7 @@ def predict_batch(
                         continue
                     if code != CONVERGED:
                         break
-                    done, lost = done + share / 6.0 * state.total[3], lost + share / 6.0 * state.total[4]
+                    done, lost = done + share / 9.0 * state.total[3], lost + share / 9.0 * state.total[4]
                     part += 1 << (DEEPEST - depth)
                     while depth > 0 and part % (1 << (DEEPEST - depth + 1)) == 0:
                         depth -= 1

@@ -27,10 +27,12 @@ Array = NDArray[np.float64]
 # the axle's horizontal direction, the axle frame's z.
 HX, HY, HZ, AX, AY, AZ, EX, EY, UX, UY, UZ, COS, TAN, RADIUS, HALF, VX, VY, ZX, ZY, ZZ = range(20)
 # Scratch of its search: a cell's surface, a plane below the tread, crossings of a rim with a cell, bounds on the derivatives of a
-# cell and of the cells under the tread, lower bounds of a row of cells. One array is passed faster than many.
+# cell and of the cells under the tread, lower bounds of a row of cells, cells to search (bound, column and row of each). One
+# array is passed faster than many.
 CELL, PLANE, ENDS, DERIVATIVES, DERIVATIVES_OF_TREAD, PATCH, BOUND = 20, 24, 28, 84, 94, 104, 130
 ROW = 64  # cells bounded at once
-WHEEL_SIZE = BOUND + ROW
+OPEN = BOUND + ROW
+WHEEL_SIZE = OPEN + 3 * 2 * ROW
 
 # A point of the tread: its gap to the ground, sin φ, cos φ, s.
 GAP, SIN, COSINE, PLACE = range(4)

@@ -30,6 +30,7 @@ from ..model.wheel import (  # fmt: skip
     HX,
     HY,
     HZ,
+    OPEN,
     PLACE,
     PLANE,
     RADIUS,
@@ -40,11 +41,11 @@ from ..model.wheel import (  # fmt: skip
     UY,
     VX,
     VY,
-    covers,
     gap_at,
     tread_point,
 )
 from .bilinear_cell import FlatCell, search_flat_cell
+from .cells_under import cells_within, columns_under, covers_cell
 from .cubic_cell import search_curved_cell
 from .cubic_rim import follow_smooth
 from .minima import Minima
@@ -200,6 +201,45 @@ def _search_of(kind: type) -> Any:
     return _search_curved if kind is CubicGround else _search_flat
 
 
+@inlined
+def _search_open(
+    ground: Ground, w: Array, far_x: float, far_y: float, follow: bool, opened: int, found: Minima, count: int
+) -> tuple[int, bool]:  # fmt: skip
+    """Search the cells listed in OPEN whose bounds are below the lowest gap, lowest bound first.
+
+    If local minima are listed too, the cells keep their order.
+
+    Args:
+        ground, far_x, far_y, follow, found, count: as `_search_cell` takes them.
+        w: (WHEEL_SIZE,) wheel; its scratch is written.
+        opened: number of cells.
+
+    Returns:
+        The new count of minima; True if a missing cell lies under the tread.
+    """
+    dx, dy = ground[2][META_DX], ground[2][META_DY]
+    lowest, keep, _ = found
+    missing, ordered = False, keep == -math.inf
+    for n in range(opened):
+        least, at = w[OPEN + 3 * n], OPEN + 3 * n
+        if ordered:
+            for k in range(n + 1, opened):
+                if w[OPEN + 3 * k] < least:
+                    least, at = w[OPEN + 3 * k], OPEN + 3 * k
+        if least >= max(lowest[GAP] - GAP_TIE, keep):
+            if ordered:
+                break
+            continue
+        i, j = int(w[at + 1]), int(w[at + 2])
+        w[at], w[at + 1], w[at + 2] = w[OPEN + 3 * n], w[OPEN + 3 * n + 1], w[OPEN + 3 * n + 2]
+        kept = _search_cell(ground, w, i, j, far_x, far_y, follow, found, count)
+        if kept >= 0:
+            count = kept
+        elif covers_cell(w, i, j, dx, dy):
+            missing = True
+    return count, missing
+
+
 @njit
 def least_gap(
     ground: Ground,
@@ -258,40 +298,39 @@ def least_gap(
             return OFF, 0
     # cells are searched slightly beyond the wheel's reach: rounding could otherwise lose a rim that ends at it
     far_x, far_y = 1.001 * out_x, 1.001 * out_y
-    count = 0
     # the cell of the first guess comes first: its minimum bounds the others
     tangent_plane(w, sine)
     px, py, _ = tread_point(w, sine, cosine, s)
     wi = min(max(int(math.floor((w[HX] + px) / dx)), i0), i1)
     wj = min(max(int(math.floor((w[HY] + py) / dy)), j0), j1)
-    j, i, n, k = wj, wi, 1, 0
-    first = True
-    w[BOUND] = -math.inf
+    w[OPEN], w[OPEN + 1], w[OPEN + 2] = -math.inf, wi, wj
+    opened, count, first = 1, 0, True
+    j, i, last = j0 - 1, 0, -1
     while True:
-        while k < n:
-            if not w[BOUND + k] >= max(lowest[GAP] - GAP_TIE, keep) and (first or j != wj or i + k != wi):
-                kept = _search_cell(ground, w, i + k, j, far_x, far_y, not whole, found, count)
-                if kept >= 0:
-                    count = kept
-                elif code == FOUND and _covers_cell(w, i + k, j, dx, dy):
-                    code = BLANK
-            k += 1
-        if not whole:
-            break
-        if first:
-            first = False
-            j, i, n = j0, i0, 0
-            tangent_plane(w, lowest[SIN])
-        else:
-            i += n
-            if i > i1:
-                i = i0
-                j += 1
-        if j > j1:
-            break
-        n = min(i1 - i + 1, ROW)
-        k = 0
+        if first or opened > ROW or j > j1:
+            count, missing = _search_open(ground, w, far_x, far_y, not whole, opened, found, count)
+            opened = 0
+            if missing and code == FOUND:
+                code = BLANK
+            if j > j1 or not whole:
+                break
+            if first:
+                first = False
+                tangent_plane(w, lowest[SIN])
+        if i > last:
+            j += 1
+            if j <= j1:
+                i, last = columns_under(w, j, dx, dy, i0, i1)
+            continue
+        n = min(last - i + 1, ROW)
         _bound_row(upper_bound, j, i, n, dx, dy, far_x, far_y, w)
+        limit = max(lowest[GAP] - GAP_TIE, keep)
+        for k in range(n):
+            low, at = w[BOUND + k], OPEN + 3 * opened
+            if not low >= limit and (j != wj or i + k != wi):
+                w[at], w[at + 1], w[at + 2] = low if low == low else -math.inf, i + k, j
+                opened += 1
+        i += n
     if lowest[GAP] == math.inf and not whole:
         lowest[GAP] = gap_at(grid, meta, w, sine, cosine, s)
         if math.isnan(lowest[GAP]):
@@ -299,33 +338,3 @@ def least_gap(
     if lowest[GAP] == math.inf and code == FOUND:
         code = BLANK
     return code, count
-
-
-@inlined
-def cells_within(low: float, high: float, step: float, last: int) -> tuple[int, int]:
-    """Return the first and last cell of an axis that an interval reaches.
-
-    The first is greater if it reaches none.
-
-    Args:
-        low, high: m from the map's first node.
-        step: m, node spacing.
-        last: index of the axis's last cell.
-    """
-    if high < 0.0 or low > (last + 1) * step:
-        return last + 1, last
-    return int(min(max(math.floor(low / step), 0.0), last)), int(min(math.floor(high / step), last))
-
-
-@njit
-def _covers_cell(w: Array, i: int, j: int, dx: float, dy: float) -> bool:
-    """Return True if a point of the tread lies over the inside of cell (i, j).
-
-    Args:
-        w: (WHEEL_SIZE,) wheel.
-        i, j: column and row of the cell.
-        dx, dy: m, node spacing.
-    """
-    slack_x, slack_y = 1e-9 * dx, 1e-9 * dy
-    x0, y0 = i * dx - w[HX], j * dy - w[HY]
-    return covers(w, x0 + slack_x, x0 + dx - slack_x, y0 + slack_y, y0 + dy - slack_y)

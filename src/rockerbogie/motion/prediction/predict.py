@@ -59,8 +59,8 @@ def predict(
     """Predict where a rover goes when it is driven open loop.
 
     At each station the pose is settled. Forward, side and yaw rate and the six wheel loads then follow from the nine balance
-    equations of the mechanism with the force law of each wheel. x, y and yaw are integrated by the classical Runge-Kutta method.
-    Motion is quasi-static: accelerations are neglected.
+    equations of the mechanism with the force law of each wheel. x, y and yaw are integrated by a Runge-Kutta method of
+    order 3. Motion is quasi-static: accelerations are neglected.
 
     Leading axes of `start`, a list of commands, and `friction` or a list of soils are broadcast against each other. Each
     combination is one drive, computed by itself: results do not depend on the number of threads.
