@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -227,3 +230,11 @@ def test_each_has_its_sizes_as_keywords_and_a_name(name: str) -> None:
 def test_impossible_sizes_are_refused(call, sentence: str) -> None:
     with pytest.raises(rb.TerrainError, match=sentence):
         call()
+
+
+def test_rough_terrain_has_the_same_bits_for_any_number_of_threads() -> None:
+    program = "import rockerbogie as rb, sys; sys.stdout.buffer.write(rb.surfaces.rough(3).z.tobytes())"
+    for threads in ("1", "2"):
+        environment = os.environ | {"OPENBLAS_NUM_THREADS": threads}
+        done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, check=True)
+        assert done.stdout == surfaces.rough(3).z.tobytes(), f"{threads} threads of BLAS"

@@ -297,7 +297,9 @@ def rough(
     over_y = np.exp(1j * (np.outer(y, ky) + 2 * np.pi * rng.random(WAVES)))
 
     def field(weight: NDArray[np.complexfloating]) -> Array:
-        return np.asarray(((over_y * (weight / wave)) @ over_x).real)  # amplitude proportional to wavelength: equal slopes
+        a = over_y * (weight / wave)  # amplitude proportional to wavelength: equal slopes
+        # the real part of a @ over_x; the last bits of @ depend on the number of threads
+        return np.asarray(np.einsum("ik,kj->ij", a.real, over_x.real) - np.einsum("ik,kj->ij", a.imag, over_x.imag))
 
     z, zx, zy = field(np.ones(WAVES) + 0j), field(1j * kx), field(1j * ky)
     xx, xy, yy = field(-kx * kx + 0j), field(-kx * ky + 0j), field(-ky * ky + 0j)
