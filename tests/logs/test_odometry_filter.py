@@ -197,6 +197,16 @@ def test_the_tip_margin_is_near_that_of_the_settled_pose(rover, run):
     assert_close(e.tip_margin, rb.stability(pose).tip_margin, np.radians(3.0), "rad", "settled on the map")
 
 
+def test_readings_that_are_too_large_count_as_missing(rover):
+    made, without = rb.OdometryFilter(rover), rb.OdometryFilter(rover)
+    for k in range(3):
+        wheels = {"wheel_rate": np.full(6, 0.2)}
+        made.update(float(k), wheels | {"rocker": 1e300}, {"roll": 1e300, "pitch": 0.0, "yaw": -1e300})
+        without.update(float(k), wheels, {"pitch": 0.0})
+    assert np.isfinite(made.estimate.position).all()
+    assert np.array_equal(made.estimate.T, without.estimate.T)
+
+
 def test_contacts_of_the_tip_margin_are_those_of_the_frames(rover):
     chance = np.random.default_rng(5)
     for _ in range(20):

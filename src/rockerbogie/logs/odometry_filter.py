@@ -135,6 +135,7 @@ class OdometryFilter:
             joints: `wheel_angle` (6,) or `wheel_rate` (6,), and as far as there are sensors `steering` (6,), `rocker`, `bogie`
                 (2,): rad, rad/s, in the order of the rover's wheels.
             imu: `roll`, `pitch`, `yaw` (rad), `gyro` (3,) in the body frame (rad/s); `None` or NaN if there is no reading.
+                Readings of 1e9 and above count as missing.
 
         Returns:
             The estimate at `t`.

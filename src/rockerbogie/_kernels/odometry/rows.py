@@ -28,27 +28,27 @@ from .track import rotation_of, turn_between
 
 Array = NDArray[np.float64]
 
-#: Wheel angle, rad, or rate, rad/s, beyond which a reading is not one of a wheel.
-MOST_TURNED = 1e9
+#: Angle, rad, or rate, rad/s, from which a reading is an error of the sensor.
+TOO_LARGE = 1e9
 
 
 @njit
 def clean_row(row: Array, steers: NDArray[np.bool_]) -> bool:
-    """Replace infinite readings of a row by NaN; set steering of fixed wheels and summed turn.
+    """Replace readings that are too large by NaN; set steering of fixed wheels and summed turn.
 
     Args:
         row: (S_SIZE,), changed.
         steers: (6,) True for wheels that steer.
 
     Returns:
-        True if all wheels have readings of a wheel.
+        True if all wheels have readings.
     """
     for n in range(S_TURN):
-        if math.isinf(row[n]):
+        if abs(row[n]) >= TOO_LARGE:
             row[n] = math.nan
     turns, steered = True, False
     for i in range(6):
-        turns &= abs(row[S_WHEEL + i]) < MOST_TURNED
+        turns &= not math.isnan(row[S_WHEEL + i])
         steered |= not math.isnan(row[S_STEERING + i])
     for i in range(6):
         if not steers[i]:
