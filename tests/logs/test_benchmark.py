@@ -168,6 +168,58 @@ def blank_case(row):
     return {**row, "case": "", "pitch [deg]": 1, "roll [deg]": 1}
 
 
+def filled(**pose):
+    """Return a change that predicts 1 deg and replaces or leaves out cells of the pose."""
+
+    def change(row):
+        row = {**row, "pitch [deg]": 1, "roll [deg]": 1}
+        for name, value in pose.items():
+            key = next(k for k in row if k.split(" [")[0] == name)
+            row[key] = value(float(row[key])) if callable(value) else value
+        return row
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [(filled(x=lambda x: x + 0.5), "row 2: x differs by +0.5 m from that of gale/960, -3.000 m: predict the pose"),
+     (filled(y=lambda y: y - 0.1), "row 2: y differs by -0.1 m"),
+     (filled(yaw=lambda yaw: 90 - yaw), "row 2: yaw differs by"),
+     (filled(yaw=lambda yaw: yaw + 1), "row 2: yaw differs by +1 deg")],
+)  # fmt: skip
+def test_predictions_of_another_pose_are_refused(folder, template, tmp_path, change, says):
+    with pytest.raises(rb.RockerbogieError, match=re.escape(says)):
+        rb.benchmark_mars(folder, fill(template, tmp_path / "mine.csv", change), draws=0)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [filled(x="", y="", yaw=""), filled(x=lambda x: x + 0.01, yaw=lambda yaw: yaw + 0.1), filled(yaw=lambda yaw: yaw - 360)],
+)
+def test_predictions_of_the_same_pose_are_taken(folder, template, tmp_path, change):
+    result = rb.benchmark_mars(folder, fill(template, tmp_path / "mine.csv", change), draws=0)
+    assert int(result.scores["count"].sel(set="gale", contender="entered")) == len(X)
+
+
+def test_template_names_repeated_places_as_the_benchmark_does(folder, tmp_path):
+    shutil.copytree(folder, tmp_path / "data")
+    log = tmp_path / "data" / "gale" / "curiosity_waypoints.csv"
+    log.write_text(log.read_text().replace("961,", "960,"))
+    template = rb.write_benchmark_template(tmp_path / "cases.csv", tmp_path / "data")
+    result = rb.benchmark_mars(tmp_path / "data", fill(template, tmp_path / "mine.csv", filled()), draws=0)
+    assert int(result.scores["count"].sel(set="gale", contender="entered")) == len(X)
+    assert [str(c) for c in result.cases["case"].values[:3]] == ["gale/960#1", "gale/960#2", "gale/962#3"]
+
+
+def test_pose_columns_are_read_in_their_units(folder, template, logged, tmp_path):
+    rows = ["case,x [cm],yaw [rad],pitch [deg],roll [deg]"]
+    rows += [f"gale/{960 + k},{100 * X[k]},{YAW[k]},1,1" for k in range(len(X))]
+    (tmp_path / "mine.csv").write_text("\n".join(rows) + "\n")
+    result = rb.benchmark_mars(folder, tmp_path / "mine.csv", draws=0)
+    assert int(result.scores["count"].sel(set="gale", contender="entered")) == len(X)
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [(half_filled, "row 3: pitch or roll is missing"), (not_a_number, "pitch or roll is missing"), (infinite, "inf deg"),

@@ -118,13 +118,14 @@ def benchmark_mars(
         bands and their `interval_score`, rad; `count`, the number of cases predicted. NaN where there is no band.
 
     Raises:
-        RockerbogieError: no data; a file that cannot be read; predictions of unknown or repeated cases, or out of range.
+        RockerbogieError: no data; a file that cannot be read; predictions of unknown or repeated cases, of other
+            poses than the cases', or out of range.
     """
     import xarray as xr
 
     loaded, absent = _load(data)
     file = None if predictions is None else Path(predictions)
-    entered = None if file is None else read_predictions(file, [name for one in loaded for name in _names(one)])
+    entered = None if file is None else read_predictions(file, {k: v for one in loaded for k, v in _poses(one).items()})
     parts = []
     for k, one in enumerate(loaded):
         found = validate(one.rover, one.terrain, one.places, level=LEVEL, draws=draws, seed=seed)
@@ -170,10 +171,9 @@ def write_benchmark_template(file: str | Path, data: str | Path | None = None, *
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(["case", "rover", "terrain", "x [m]", "y [m]", "yaw [deg]", *(f"{name} [deg]" for name in wanted)])
         for one in loaded:
-            for at in _positions(one.places):
-                row = one.places.isel(row=at)
-                pose = (f"{float(row['x']):.3f}", f"{float(row['y']):.3f}", f"{np.degrees(float(row['yaw'])):.4f}")
-                writer.writerow([_case(one, at), one.about.rover, one.about.terrain, *pose, *("" for _ in wanted)])
+            for name, (x, y, yaw) in _poses(one).items():
+                pose = (f"{x:.3f}", f"{y:.3f}", f"{np.degrees(yaw):.4f}")
+                writer.writerow([name, one.about.rover, one.about.terrain, *pose, *("" for _ in wanted)])
     return path
 
 
@@ -236,15 +236,18 @@ def _positions(places: xr.Dataset) -> Any:
     return stands(*(places[name].to_numpy() for name in ("x", "y", "yaw")))[0]
 
 
-def _case(one: _Loaded, row: int) -> str:
-    """Return the name of a case: set and place."""
-    return f"{one.about.name}/{one.places['place'].to_numpy()[row]}"
-
-
 def _names(one: _Loaded) -> list[str]:
     """Return the names of the cases of a set, which differ."""
-    names = [_case(one, int(row)) for row in _positions(one.places)]
+    places = one.places["place"].to_numpy()[_positions(one.places)]
+    names = [f"{one.about.name}/{place}" for place in places]
     return names if len(set(names)) == len(names) else [f"{name}#{k + 1}" for k, name in enumerate(names)]
+
+
+def _poses(one: _Loaded) -> dict[str, tuple[float, float, float]]:
+    """Return x, y (m) and yaw (rad) of the cases of a set, by name."""
+    rows = _positions(one.places)
+    x, y, yaw = (one.places[name].to_numpy()[rows].tolist() for name in ("x", "y", "yaw"))
+    return dict(zip(_names(one), zip(x, y, yaw, strict=True), strict=True))
 
 
 def _scored_cases(one: _Loaded, found: xr.Dataset) -> xr.Dataset:
