@@ -53,8 +53,10 @@ def floats(value: object) -> Array:
     array = np.asarray(value)
     kind = array.dtype.kind
     if kind not in "fiuO" or (kind == "O" and any(isinstance(item, str | bytes | bool) for item in array.flat)):
-        shown = f"{array.dtype.name} {array}" if array.ndim else repr(value)
-        raise TypeError(f"{' '.join(shown.split()):.60} is not a number")
+        if array.ndim == 0 or array.size == 0:
+            raise TypeError(f"{value!r:.60} is not a number")
+        first = next(item for item in array.flat if kind != "O" or isinstance(item, str | bytes | bool))
+        raise TypeError(f"{first!s:.40} ({type(first).__name__}) is not a number")
     numbers = np.asarray(array, dtype=float)
     return np.where(np.ma.getmaskarray(value), np.nan, numbers) if np.ma.isMaskedArray(value) else numbers
 
