@@ -167,17 +167,19 @@ def splines(lanes: Array, meta: Array, wheels: int) -> None:
 
 
 @fma_njit
-def roll_contacts(lanes: Array, rover: Array, meta: Array) -> None:
+def roll_contacts(lanes: Array, rover: Array, meta: Array, along: float) -> None:
     """Move every contact by one Newton step, and update gap and slope there.
 
     The contact stays within the width of the tread. The step in (φ, offset) uses the terrain's slope and second derivatives
     at the old contact. If the gap is not convex along the axle, the contact moves to the end of the tread with the lower
-    gap. A disc that is not verified afterwards must also meet the condition of `search.cubic_cell.follow_smooth`.
+    gap. A disc that is not verified afterwards must also meet the condition of `search.cubic_cell.follow_smooth`. In the
+    first step contacts do not move along the axle: the first guess often tilts a wheel towards the wrong end.
 
     Args:
         lanes: the lane array (`layout`).
         rover: the packed rover.
         meta: the map header.
+        along: 1.0; 0.0 in the first step.
 
     Reads:  POSE.x, POSE.y, POSE.q, POSE.active, WHEEL.ox, WHEEL.oy, WHEEL.oz, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz,
             CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.tx, CONTACT.ty, CONTACT.tz, CONTACT.gx, CONTACT.gy,
@@ -213,7 +215,8 @@ def roll_contacts(lanes: Array, rover: Array, meta: Array) -> None:
             over = 1.0 / curvature
             crest = ridge - twist * twist * over  # second derivative of the gap along the axle, φ being optimal
             inside, outward = (twist * by_turn * over - by_offset) / crest, -math.copysign(reach, by_offset)
-            shift = min(max(offset + (inside if crest > 0.0 else outward), -half), half) - offset
+            wanted = min(max(offset + (inside if crest > 0.0 else outward), -half), half) - offset
+            shift = along * wanted
             turn = min(max(-(by_turn + twist * shift) * over, -0.3), 0.3)
             square = (s * s + c * c) * (1.0 + turn * turn)
             size = 1.5 - 0.5 * square  # 1 / sqrt(square) by three Newton steps: 0.13 rad before the last one leaves 1e-15
@@ -237,7 +240,7 @@ def roll_contacts(lanes: Array, rover: Array, meta: Array) -> None:
             sine, cosine = (s + c * turn) * size, (c - s * turn) * size
             lanes[CONTACT.sine + k], lanes[CONTACT.cosine + k] = sine if live > 0.0 else s, cosine if live > 0.0 else c
             lanes[CONTACT.offset + k] = offset + live * shift
-            lanes[CUBIC.turn + k] = abs(turn) + abs(shift) / reach
+            lanes[CUBIC.turn + k] = abs(turn) + abs(wanted) / reach
             x, y = lanes[POSE.x + l] + lanes[WHEEL.ox + k], lanes[POSE.y + l] + lanes[WHEEL.oy + k]
             good = (
                 (curvature > 0.0)
@@ -286,12 +289,8 @@ def start(lanes: Array, grid: Array, meta: Array, rover: Array) -> None:
     for i in range(6):
         for l in range(in_use(lanes)):
             k = i * LANES + l
-            lanes[CONTACT.sine + k], lanes[CONTACT.cosine + k], lanes[CONTACT.offset + k], lanes[CUBIC.rejected + k] = (
-                lanes[CUBIC.first_sine + l],
-                lanes[CUBIC.first_cosine + l],
-                0.0,
-                0.0,
-            )
+            lanes[CONTACT.sine + k], lanes[CONTACT.cosine + k] = lanes[CUBIC.first_sine + l], lanes[CUBIC.first_cosine + l]
+            lanes[CONTACT.offset + k] = lanes[CUBIC.rejected + k] = 0.0
 
 
 @inlined
@@ -347,13 +346,13 @@ def iterate(lanes: Array, grid: Array, meta: Array, rover: Array, small: float) 
             CUBIC.u, CUBIC.v, CUBIC.col, CUBIC.row, CUBIC.coef, CUBIC.h, CUBIC.hxx, CUBIC.hxy, CUBIC.hyy, CUBIC.turn,
             CUBIC.rejected
     """
-    for _ in range(STEPS):
+    for n in range(STEPS):
         place_body(lanes, rover)
         place_wheels(lanes, rover)
         touching_points(lanes, rover)
         gather(lanes, grid, meta, 6)
         splines(lanes, meta, 6)
-        roll_contacts(lanes, rover, meta)
+        roll_contacts(lanes, rover, meta, 0.0 if n == 0 else 1.0)
         gap_jacobian(lanes, rover)
         solve_step(lanes)
         take_step(lanes)
