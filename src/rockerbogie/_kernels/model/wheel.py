@@ -29,7 +29,7 @@ HX, HY, HZ, AX, AY, AZ, EX, EY, UX, UY, UZ, COS, TAN, RADIUS, HALF, VX, VY, ZX, 
 # Scratch of its search: a cell's surface, a plane below the tread, crossings of a rim with a cell, bounds on the derivatives of a
 # cell and of the cells under the tread, lower bounds of a row of cells, cells to search (bound, column and row of each). One
 # array is passed faster than many.
-CELL, PLANE, ENDS, DERIVATIVES, DERIVATIVES_OF_TREAD, PATCH, BOUND = 20, 24, 28, 84, 94, 104, 130
+CELL, PLANE, ENDS, DERIVATIVES, DERIVATIVES_OF_TREAD, PATCH, BOUND = 20, 24, 28, 84, 90, 96, 122
 ROW = 64  # cells bounded at once
 OPEN = BOUND + ROW
 WHEEL_SIZE = OPEN + 3 * 2 * ROW

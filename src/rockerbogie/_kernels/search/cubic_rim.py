@@ -34,13 +34,11 @@ from ..model.wheel import (
     UY,
     UZ,
 )
-from .cubic_derivatives import DERIVATIVES_SIZE, XX, XY, YY
-from .cubic_patch import BOUNDS_SIZE, XX_HIGH, XY_HIGH, YY_HIGH, bound_differences, bound_patch
+from .cubic_derivatives import DERIVATIVES_SIZE, XX, XY, YY, second_derivatives
+from .cubic_patch import BOUNDS_SIZE
 from .minima import Minima, keep_lower_contact
 
 Array = NDArray[np.float64]
-
-THINNEST = 1e-6  # of a cell: a rectangle around an arc is not made smaller along either axis
 
 
 @njit
@@ -164,7 +162,7 @@ def _derivatives_on_arc(
         sa, ca, sb, cb: sin φ and cos φ of its ends.
 
     Returns:
-        (DERIVATIVES_SIZE,) lowest and highest second derivatives, 1/m, as `derivative_bounds` fills them.
+        (DERIVATIVES_SIZE,) lowest and highest second derivatives, 1/m, as `second_derivatives` fills them.
     """
     derivatives, patch = w[DERIVATIVES_OF_TREAD : DERIVATIVES_OF_TREAD + DERIVATIVES_SIZE], w[PATCH : PATCH + BOUNDS_SIZE]
     dx, dy, r = meta[META_DX], meta[META_DY], w[RADIUS]
@@ -172,15 +170,8 @@ def _derivatives_on_arc(
     x, y = w[HX] + s * w[AX] - i * dx, w[HY] + s * w[AY] - j * dy
     xa, xb = x + r * (sa * w[EX] - ca * w[UX]), x + r * (sb * w[EX] - cb * w[UX])
     ya, yb = y + r * (sa * w[EY] - ca * w[UY]), y + r * (sb * w[EY] - cb * w[UY])
-    u0, v0 = min(max((min(xa, xb) - bulge) / dx, 0.0), 1.0 - THINNEST), min(max((min(ya, yb) - bulge) / dy, 0.0), 1.0 - THINNEST)
-    u1, v1 = min(max((max(xa, xb) + bulge) / dx, u0 + THINNEST), 1.0), min(max((max(ya, yb) + bulge) / dy, v0 + THINNEST), 1.0)
-    wide, tall = (u1 - u0) * dx, (v1 - v0) * dy
-    bound_patch(grid, i, j, u0, u1, v0, v1, wide, tall, 0.0, 0.0, 0.0, patch)
-    bound_differences(patch)
-    for k in range(2):
-        derivatives[XX + k] = -6.0 * patch[XX_HIGH - k] / (wide * wide)
-        derivatives[XY + k] = -9.0 * patch[XY_HIGH - k] / (wide * tall)
-        derivatives[YY + k] = -6.0 * patch[YY_HIGH - k] / (tall * tall)
+    west, east, south, north = min(xa, xb) - bulge, max(xa, xb) + bulge, min(ya, yb) - bulge, max(ya, yb) + bulge
+    second_derivatives(grid, i, j, dx, dy, west, east, south, north, patch, derivatives)
     return derivatives
 
 

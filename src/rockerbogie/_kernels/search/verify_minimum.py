@@ -1,8 +1,8 @@
 """Verification that a tracked contact is the global minimum, on smooth cubic terrain.
 
 Along a rim the gap is convex where the terrain is less curved than the rim: there is one minimum. What remains is how
-these minima m(s) vary over the width. m'' lies between bounds; from an end of the width or from inside, these may show
-that m is nowhere lower. If they do not, the whole tread is searched.
+these minima m(s) vary over the width. m'' lies between bounds, from Bézier ordinates of the terrain under the tread or under a
+piece of its width; these may show that m is nowhere lower than at the contact. If they do not, the whole tread is searched.
 """
 
 from __future__ import annotations
@@ -30,16 +30,19 @@ from ..model.wheel import (
     HX,
     HY,
     HZ,
+    PATCH,
     PLACE,
     RADIUS,
     SIN,
+    TAN,
     UX,
     UY,
     UZ,
     gap_at,
     tread_point,
 )
-from .cubic_derivatives import DERIVATIVES_SIZE, XX, XXX, XXY, XY, XYY, YY, YYY, derivative_bounds
+from .cubic_derivatives import DERIVATIVES_SIZE, XX, XY, YY, second_derivatives
+from .cubic_patch import BOUNDS_SIZE
 from .tread import FOUND, least_gap
 
 Array = NDArray[np.float64]
@@ -154,8 +157,6 @@ def _least_of_rims(ground: Ground, w: Array, sine: float, cosine: float, keep: f
         False, with nothing to use in `lowest`, if it is not shown.
     """
     grid, _, meta = ground
-    if not 0 < _cells_under(meta, w)[4] <= CELLS:
-        return False
     half, higher = w[HALF], math.inf
     lowest[GAP] = math.inf
     for k in range(2 if half > 0.0 else 1):
@@ -174,23 +175,79 @@ def _least_of_rims(ground: Ground, w: Array, sine: float, cosine: float, keep: f
     return _by_bounds(grid, meta, w, lowest[SIN], lowest[COSINE], lowest[PLACE], margin)
 
 
-@inlined
-def _cells_under(meta: Array, w: Array) -> tuple[int, int, int, int, int]:
-    """Return the first and last columns and rows of the cells under a wheel, and their number.
-
-    The number is 0 if a cell is off the map.
+@njit
+def _bound_derivatives(grid: Array, meta: Array, w: Array, west: float, east: float, south: float, north: float) -> bool:
+    """Bound the second derivatives of the terrain over a rectangle under a wheel.
 
     Args:
-        meta: (META_SIZE,) map header.
-        w: (WHEEL_SIZE,) wheel.
+        grid, meta: cubic terrain.
+        w: (WHEEL_SIZE,) wheel; DERIVATIVES_OF_TREAD is filled, 1/m. DERIVATIVES and PATCH are scratch.
+        west, east, south, north: m from the map's first node.
+
+    Returns:
+        False if the rectangle is not on the map, lies on more than `CELLS` cells or on a missing one, or if the terrain is as
+        sharp as the rim.
     """
-    r, half, dx, dy = w[RADIUS], w[HALF], meta[META_DX], meta[META_DY]
-    out_x = half * abs(w[AX]) + r * math.sqrt(w[EX] * w[EX] + w[UX] * w[UX])
-    out_y = half * abs(w[AY]) + r * math.sqrt(w[EY] * w[EY] + w[UY] * w[UY])
-    i0, i1 = int(math.floor((w[HX] - out_x) / dx)), int(math.floor((w[HX] + out_x) / dx))
-    j0, j1 = int(math.floor((w[HY] - out_y) / dy)), int(math.floor((w[HY] + out_y) / dy))
-    outside = i0 < 0 or j0 < 0 or i1 > meta[META_NX] - 2.0 or j1 > meta[META_NY] - 2.0
-    return i0, i1, j0, j1, 0 if outside else (i1 - i0 + 1) * (j1 - j0 + 1)
+    dx, dy = meta[META_DX], meta[META_DY]
+    i0, i1, j0, j1 = (
+        int(math.floor(west / dx)),
+        int(math.floor(east / dx)),
+        int(math.floor(south / dy)),
+        int(math.floor(north / dy)),
+    )
+    if i0 < 0 or j0 < 0 or i1 > meta[META_NX] - 2.0 or j1 > meta[META_NY] - 2.0 or (i1 - i0 + 1) * (j1 - j0 + 1) > CELLS:
+        return False
+    patch = w[PATCH : PATCH + BOUNDS_SIZE]
+    one, every = (
+        w[DERIVATIVES : DERIVATIVES + DERIVATIVES_SIZE],
+        w[DERIVATIVES_OF_TREAD : DERIVATIVES_OF_TREAD + DERIVATIVES_SIZE],
+    )
+    for k in range(3):
+        every[2 * k], every[2 * k + 1] = math.inf, -math.inf
+    for j in range(j0, j1 + 1):
+        for i in range(i0, i1 + 1):
+            x, y = i * dx, j * dy
+            if not second_derivatives(grid, i, j, dx, dy, west - x, east - x, south - y, north - y, patch, one):
+                return False
+            for k in range(3):
+                every[2 * k], every[2 * k + 1] = min(every[2 * k], one[2 * k]), max(every[2 * k + 1], one[2 * k + 1])
+            if max(max(-every[XX], every[XX + 1]), max(-every[YY], every[YY + 1])) * w[RADIUS] > 1.0:
+                return False
+    return True
+
+
+@njit
+def _range_of(w: Array, xx: float, xy: float, yy: float) -> tuple[float, float]:
+    """Return the lowest and the highest value of xx h_xx + xy h_xy + yy h_yy within DERIVATIVES_OF_TREAD.
+
+    Args:
+        w: (WHEEL_SIZE,) wheel.
+        xx, xy, yy: weights.
+    """
+    low = high = 0.0
+    for k, weight in enumerate((xx, xy, yy)):
+        a, b = weight * w[DERIVATIVES_OF_TREAD + 2 * k], weight * w[DERIVATIVES_OF_TREAD + 2 * k + 1]
+        low, high = low + min(a, b), high + max(a, b)
+    return low, high
+
+
+@njit
+def _along_axle(w: Array, room: float) -> tuple[float, float, float]:
+    """Return bounds on how the minima m of the rims vary along the axle, from DERIVATIVES_OF_TREAD.
+
+    Args:
+        w: (WHEEL_SIZE,) wheel.
+        room: lower bound of the gap's second derivative along a rim at its minimum, over r.
+
+    Returns:
+        fall and rise, 1/m: -fall <= m'' <= rise, rise >= 0; and how far the minimum moves along the rim, m per m of the axle.
+    """
+    ax, ay, ex, ey = w[AX], w[AY], w[EX], w[EY]
+    low, high = _range_of(w, ax * ax, 2.0 * ax * ay, ay * ay)
+    less, more = _range_of(w, ax * ex, ax * ey + ay * ex, ay * ey)
+    twist = max(-less, more) + abs(w[TAN]) * max(-low, high)
+    follow = twist * w[RADIUS] / room
+    return high + twist * follow, max(-low, 0.0), follow
 
 
 @njit
@@ -199,7 +256,7 @@ def _by_bounds(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s
 
     Args:
         grid, meta: cubic terrain.
-        w: (WHEEL_SIZE,) wheel.
+        w: (WHEEL_SIZE,) wheel; its scratch is written.
         sine, cosine, s: the contact.
         margin: m. -VERIFIED_DEPTH: no point is lower by more than that. Otherwise the contact lies on a rim, and every other
             local minimum is higher by this, 0 or more.
@@ -207,123 +264,93 @@ def _by_bounds(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s
     Returns:
         True if the bounds show it; False decides nothing.
     """
-    r, half, dx, dy = w[RADIUS], w[HALF], meta[META_DX], meta[META_DY]
-    i0, i1, j0, j1, cells = _cells_under(meta, w)
-    if not 0 < cells <= CELLS:
+    r, half = w[RADIUS], w[HALF]
+    out_x = half * abs(w[AX]) + r * math.sqrt(w[EX] * w[EX] + w[UX] * w[UX])
+    out_y = half * abs(w[AY]) + r * math.sqrt(w[EY] * w[EY] + w[UY] * w[UY])
+    if not _bound_derivatives(grid, meta, w, w[HX] - out_x, w[HX] + out_x, w[HY] - out_y, w[HY] + out_y):
         return False
-    derivatives, least = (
-        w[DERIVATIVES : DERIVATIVES + DERIVATIVES_SIZE],
-        w[DERIVATIVES_OF_TREAD : DERIVATIVES_OF_TREAD + DERIVATIVES_SIZE],
-    )
-    for k in range(3):
-        least[2 * k], least[2 * k + 1] = math.inf, -math.inf
-    least[XXX:] = 0.0
-    for j in range(j0, j1 + 1):
-        for i in range(i0, i1 + 1):
-            if not derivative_bounds(grid, i, j, dx, dy, derivatives):
-                return False
-            for k in range(3):
-                least[2 * k], least[2 * k + 1] = (
-                    min(least[2 * k], derivatives[2 * k]),
-                    max(least[2 * k + 1], derivatives[2 * k + 1]),
-                )
-            for k in range(XXX, DERIVATIVES_SIZE):
-                least[k] = max(least[k], derivatives[k])
-            if max(max(-least[XX], least[XX + 1]), max(-least[YY], least[YY + 1])) * r > 1.0:
-                return False  # the terrain is as sharp as the rim: `room` below would be negative
-    curvature = max(max(-least[XX], least[XX + 1]), max(-least[YY], least[YY + 1])) + max(-least[XY], least[XY + 1])
+    at = DERIVATIVES_OF_TREAD
+    curvature = max(max(-w[at + XX], w[at + XX + 1]), max(-w[at + YY], w[at + YY + 1])) + max(-w[at + XY], w[at + XY + 1])
     x, y, _ = tread_point(w, sine, cosine, s)
-    _, gx, gy, hxx, hxy, hyy = surface(grid, meta, w[HX] + x, w[HY] + y)
+    _, gx, gy, _, _, _ = surface(grid, meta, w[HX] + x, w[HY] + y)
     steep = abs(gx * w[UX] + gy * w[UY]) + 2.0 * curvature * (r + half) * abs(w[AZ])
     room = w[UZ] - steep - curvature * r * (1.0 + 0.5 * w[AZ] * w[AZ])
     if not (room > 0.0 and cosine > 0.0):
         return False
     if half == 0.0:
         return True
-    # the ground's curvature along the axle: within its bounds over the cells, and as far from here as third derivatives allow
-    xx, xy, yy = w[AX] * w[AX], 2.0 * w[AX] * w[AY], w[AY] * w[AY]
-    follow = curvature * r / room  # how far φ turns, at most, for a step along the axle
-    far_x, far_y = 2.0 * half * (abs(w[AX]) + follow), 2.0 * half * (abs(w[AY]) + follow)
-    vary = (
-        (least[XXX] * far_x + least[XXY] * far_y) * xx
-        + (least[XXY] * far_x + least[XYY] * far_y) * abs(xy)
-        + (least[XYY] * far_x + least[YYY] * far_y) * yy
-    )
-    here = hxx * xx + hxy * xy + hyy * yy
-    high = min(least[XX + 1] * xx + max(least[XY] * xy, least[XY + 1] * xy) + least[YY + 1] * yy, here + vary)
-    low = max(least[XX] * xx + min(least[XY] * xy, least[XY + 1] * xy) + least[YY] * yy, here - vary)
-    along = w[AZ] - gx * w[AX] - gy * w[AY]  # m'
-    fall, rise = high + curvature * follow, max(-low, 0.0)  # m'' is nowhere below -fall, nor above rise
-    crest = -here - curvature * follow  # and not below this here
+    fall, _, follow = _along_axle(w, room)
+    slope = w[AZ] - gx * w[AX] - gy * w[AY]  # m'
+    gap = gap_at(grid, meta, w, sine, cosine, s)
     if abs(s) < half:
-        if not along * along <= VERIFIED_DEPTH * crest:
-            return False
-        reach = 2.0 * half * crest / vary if vary > 0.0 else math.inf  # m is convex as far as this
-        gap = gap_at(grid, meta, w, sine, cosine, s)
         for way in (1.0, -1.0):
-            left = half - way * s - reach
-            if left > 0.0:
-                place = s + way * reach
-                there, along, sp, cp = _least_of_rim(grid, meta, w, sine, cosine, place)
-                if not _is_clear(grid, meta, w, sp, cp, place, way, left, there, way * along, gap - VERIFIED_DEPTH, fall, rise):
-                    return False
+            if not _is_clear(grid, meta, w, sine, cosine, s, way, half - way * s, gap, way * slope, gap + margin, room, follow):
+                return False
         return True
-    way = -1.0 if s > 0.0 else 1.0
-    if fall < 0.0:  # m is convex over the whole width
-        off = max(-way * along, 0.0)
-        return off * off <= -2.0 * fall * VERIFIED_DEPTH
-    gap, left, slope = gap_at(grid, meta, w, sine, cosine, s), 2.0 * half, way * along
-    here = gap
-    if margin >= 0.0:  # m increases as far as this
-        rises = min(0.9 * slope / fall if fall > 0.0 else math.inf, left)
-        if not rises > 0.0:
+    way, left = -1.0 if s > 0.0 else 1.0, 2.0 * half
+    slope, here = way * slope, gap
+    if slope > 0.0 and slope > fall * (left if margin >= 0.0 else half):
+        return True  # m increases up to the other rim, or is higher there and between
+    if margin >= 0.0:
+        if not slope > 0.0:
             return False
+        rises = 0.9 * slope / fall  # m increases as far as this
         s, left = s + way * rises, left - rises
         here, slope, sine, cosine = _least_of_rim(grid, meta, w, sine, cosine, s)
         slope *= way
-        if left <= 0.0:
-            return here >= gap
-    return _is_clear(grid, meta, w, sine, cosine, s, way, left, here, slope, gap + margin, fall, rise)
+    return _is_clear(grid, meta, w, sine, cosine, s, way, left, here, slope, gap + margin, room, follow)
 
 
 @njit
 def _is_clear(
     grid: Array, meta: Array, w: Array, sine: float, cosine: float, s: float, way: float, left: float,
-    here: float, slope: float, low: float, fall: float, rise: float,
+    here: float, slope: float, low: float, room: float, follow: float,
 ) -> bool:  # fmt: skip
     """Check that the minima m of the rims are nowhere below a gap over a range of s.
 
-    On each piece, m plus a parabola of curvature `fall` is convex, so its tangents at both ends bound it from below; m
-    minus a parabola of curvature `rise` lies above its chord.
+    On each piece, m'' is bounded over the terrain under it. m lies above parabolas through its ends with the slopes there. If it
+    is not convex, m plus a parabola is, so its tangents at both ends bound it from below; m minus a parabola lies above its
+    chord. Where this does not suffice, the piece is halved.
 
     Args:
         grid, meta: cubic terrain.
-        w: (WHEEL_SIZE,) wheel.
+        w: (WHEEL_SIZE,) wheel; its scratch is written.
         sine, cosine, s: the rim's minimum to start from.
         way: 1 or -1, direction of s.
         left: m, length of the range.
         here: m, the rim's minimum at s.
         slope: its derivative along `way`.
         low: m, the gap.
-        fall, rise: 1/m, bounds: -fall <= m'' <= rise.
+        room, follow: as `_along_axle` takes and returns them for the whole tread.
 
     Returns:
         True if it holds; False decides nothing.
     """
-    fall = max(fall, 0.0)
     if not here >= low:
         return False
     piece = left
     for _ in range(PIECES):
+        x, y, _ = tread_point(w, sine, cosine, s)
+        x, y, to_x, to_y, pad = w[HX] + x, w[HY] + y, way * piece * w[AX], way * piece * w[AY], follow * piece
+        west, east, south, north = x + min(to_x, 0.0), x + max(to_x, 0.0), y + min(to_y, 0.0), y + max(to_y, 0.0)
+        if not _bound_derivatives(grid, meta, w, west - pad, east + pad, south - pad, north + pad):
+            return False
+        fall, rise, _ = _along_axle(w, room)
+        clear = slope >= 0.5 * fall * piece if slope >= 0.0 else slope * slope <= -2.0 * fall * (here - low)
+        if clear and piece >= left:
+            return True
         s_next = s + way * piece
         there, slope_next, sine_next, cosine_next = _least_of_rim(grid, meta, w, sine, cosine, s_next)
         slope_next *= way
         if not there >= low:
             return False
-        down, up = slope - 0.5 * fall * piece, slope_next + 0.5 * fall * piece
-        dip = max(0.5 * piece - (there - here) / (rise * piece), 0.0) if rise > 0.0 else 0.0
-        above_tangents = down >= 0.0 or up <= 0.0 or here + down * (there - here - up * piece) / (down - up) >= low
-        if above_tangents or here - 0.5 * rise * dip * dip >= low:
+        if not clear:
+            fall = max(fall, 0.0)
+            down, up = slope - 0.5 * fall * piece, slope_next + 0.5 * fall * piece
+            dip = max(0.5 * piece - (there - here) / (rise * piece), 0.0) if rise > 0.0 else 0.0
+            clear = down >= 0.0 or up <= 0.0 or here + down * (there - here - up * piece) / (down - up) >= low
+            clear |= here - 0.5 * rise * dip * dip >= low
+        if clear:
             left -= piece
             if left <= 0.0:
                 return True
