@@ -30,7 +30,7 @@ def derivative(c: Array, order: int, t: Array, step: float) -> Array:
 
 
 def sampled(c: Array, order: tuple[int, int], dx: float, dy: float, u: Array, v: Array) -> Array:
-    """Return a mixed derivative of one cell's bicubic (4, 4) at u along x and v along y, in [0, 1)."""
+    """Return a mixed derivative of one cell's bicubic (4, 4) at u along x and v along y."""
     along_x = derivative(c, order[0], u, dx)
     return derivative(np.moveaxis(along_x, 0, -1), order[1], v, dy)
 
@@ -60,6 +60,24 @@ def test_bounds_of_second_derivatives_contain_them(seed: int) -> None:
             assert derivatives[at + 1] - derivatives[at] < 0.2 * np.ptp(everywhere) + slack, name
     c[rng.integers(4), rng.integers(4)] = np.nan
     assert not cubic_derivatives.second_derivatives(c, 0, 0, dx, dy, *sides, patch, derivatives)
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("seed", range(10))
+def test_slope_bound_contains_the_slopes(seed: int) -> None:
+    """It holds over blocks of cells, and is exact on a plane."""
+    rng = np.random.default_rng(seed)
+    terrain = rb.Terrain.from_array(rng.normal(size=(9, 9)), rng.uniform(0.2, 2.0), interpolation="cubic")
+    (i0, i1), (j0, j1) = np.sort(rng.integers(0, 8, (2, 2)))
+    bound = cubic_derivatives.greatest_slope(terrain.grid, terrain.meta, i0, i1, j0, j1)
+    x, y = np.linspace(i0, i1 + 1, 41) * terrain.spacing[0], np.linspace(j0, j1 + 1, 41) * terrain.spacing[1]
+    slopes = [math.hypot(*ground.surface(terrain.grid, terrain.meta, px, py)[1:3]) for px in x for py in y]
+    assert max(slopes) <= bound
+    row, col = np.mgrid[:11, :11].astype(float)
+    plane = (0.3 * col - 0.4 * row) * terrain.spacing[0]
+    assert cubic_derivatives.greatest_slope(plane, terrain.meta, i0, i1, j0, j1) == pytest.approx(0.5)
+    plane[j0 + 1, i1 + 2] = np.nan
+    assert math.isnan(cubic_derivatives.greatest_slope(plane, terrain.meta, i0, i1, j0, j1))
 
 
 def some_wheel(rng: np.random.Generator) -> tuple[Array, float, float]:

@@ -13,16 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit.decorators import njit
-from ..model.ground import META_DX, META_DY, META_NX, META_NY, META_STEEP, Ground, on_map, surface
+from ..model.ground import META_CUBIC, META_DX, META_DY, META_NX, META_NY, META_STEEP, Ground, on_map, surface
 from ..model.tolerances import CLEARANCE_TIE
 from .box_edge import Edge, search_edge
 from .box_face import Face, Rectangle, search_face
 from .box_points import Sought, keep_lower_point
+from .cubic_derivatives import greatest_slope
 from .cubic_patch import BOUNDS_SIZE
 from .tread import BLANK, FOUND, OFF
 
 Array = NDArray[np.float64]
 
+CELLS = 64  # most cells of cubic terrain under the box whose slope is bounded first
 APART = 0.1  # points closer than this share of the box's length are one
 
 
@@ -64,8 +66,13 @@ def box_over_ground(
     # ties are listed; for the lowest point alone, a point lower by less than CLEARANCE_TIE is not sought
     sought = Sought(cap, margin + CLEARANCE_TIE if margin > 0.0 else -CLEARANCE_TIE, APART * size)
     code, count = FOUND, 0
+    last_i, last_j = int(meta[META_NX]) - 2, int(meta[META_NY]) - 2
+    i0, i1 = _cell(x + extent.west, meta[META_DX], last_i), _cell(x + extent.east, meta[META_DX], last_i)
+    j0, j1 = _cell(y + extent.south, meta[META_DY], last_j), _cell(y + extent.north, meta[META_DY], last_j)
     # Down the lateral faces the gap falls if they are steeper than the terrain: it is then least on the lowest face.
     upright, steep = axes[down, 2] * axes[down, 2], meta[META_STEEP]
+    if meta[META_CUBIC] != 0.0 and margin == 0.0 and (i1 - i0) * (j1 - j0) <= CELLS:
+        steep = greatest_slope(grid, meta, i0, i1, j0, j1)
     lowest_face_only = margin == 0.0 and upright > steep * steep * (1.0 - upright)
     for along in range(3):  # the edges' direction; three of them are on the lower side
         a, b = (along + 1) % 3, (along + 2) % 3
@@ -87,9 +94,6 @@ def box_over_ground(
             if kept < 0:
                 code, kept = BLANK, -1 - kept
             count = kept
-    last_i, last_j = int(meta[META_NX]) - 2, int(meta[META_NY]) - 2
-    i0, i1 = _cell(x + extent.west, meta[META_DX], last_i), _cell(x + extent.east, meta[META_DX], last_i)
-    j0, j1 = _cell(y + extent.south, meta[META_DY], last_j), _cell(y + extent.north, meta[META_DY], last_j)
     for across in range(3):
         if abs(axes[across, 2]) >= 1e-6 and not (lowest_face_only and across != down):
             face = _lower_face(box, axes, low, across, x, y, z)

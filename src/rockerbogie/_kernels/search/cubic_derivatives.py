@@ -1,11 +1,14 @@
-"""Bounds on the second derivatives of the spline over a rectangle of a cubic cell."""
+"""Bounds on the derivatives of the spline over parts of its cells."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..jit.decorators import njit
+from ..model.ground import META_DX, META_DY
 from .cubic_patch import XX_HIGH, XY_HIGH, YY_HIGH, bound_differences, bound_patch
 
 Array = NDArray[np.float64]
@@ -43,3 +46,30 @@ def second_derivatives(
         derivatives[XY + k] = -9.0 * patch[XY_HIGH - k] / (wide * tall)
         derivatives[YY + k] = -6.0 * patch[YY_HIGH - k] / (tall * tall)
     return low == low
+
+
+@njit
+def greatest_slope(grid: Array, meta: Array, i0: int, i1: int, j0: int, j1: int) -> float:
+    """Return an upper bound of the slope of the spline over a block of cells.
+
+    It follows from differences of neighbouring coefficients.
+
+    Args:
+        grid: coefficients, m.
+        meta: (META_SIZE,) map header.
+        i0, i1, j0, j1: first and last column, first and last row of the cells.
+
+    Returns:
+        m/m; NaN if a coefficient is missing.
+    """
+    along_x = along_y = total = 0.0
+    for j in range(j0, j1 + 4):
+        for i in range(i0, i1 + 4):
+            c = grid[j, i]
+            total += c
+            if i < i1 + 3:
+                along_x = max(along_x, abs(grid[j, i + 1] - c))
+            if j < j1 + 3:
+                along_y = max(along_y, abs(grid[j + 1, i] - c))
+    along_x, along_y = along_x / meta[META_DX], along_y / meta[META_DY]
+    return math.sqrt(along_x * along_x + along_y * along_y) + 0.0 * total

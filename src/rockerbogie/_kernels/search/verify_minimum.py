@@ -218,7 +218,9 @@ def _bound_derivatives(grid: Array, meta: Array, w: Array, west: float, east: fl
 
 @njit
 def _range_of(w: Array, xx: float, xy: float, yy: float) -> tuple[float, float]:
-    """Return the lowest and the highest value of xx h_xx + xy h_xy + yy h_yy within DERIVATIVES_OF_TREAD.
+    """Return the lowest and the highest value of a sum of second derivatives.
+
+    It is xx h_xx + xy h_xy + yy h_yy, with the bounds in DERIVATIVES_OF_TREAD.
 
     Args:
         w: (WHEEL_SIZE,) wheel.
@@ -233,7 +235,9 @@ def _range_of(w: Array, xx: float, xy: float, yy: float) -> tuple[float, float]:
 
 @njit
 def _along_axle(w: Array, room: float) -> tuple[float, float, float]:
-    """Return bounds on how the minima m of the rims vary along the axle, from DERIVATIVES_OF_TREAD.
+    """Return bounds on how the minima m of the rims vary along the axle.
+
+    They follow from DERIVATIVES_OF_TREAD.
 
     Args:
         w: (WHEEL_SIZE,) wheel.
