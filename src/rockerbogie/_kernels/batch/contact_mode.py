@@ -23,6 +23,7 @@ from ..simd.cubic_newton import guaranteed_step
 from ..simd.cubic_settle import ROUNDS, load, settle_block
 from ..simd.layout import BILINEAR, BILINEAR_SIZE, CONTACT, CUBIC, CUBIC_SIZE, LANES, LINE, POSE, TWO_BLOCKS, in_use
 from ..simd.linkage import line_up
+from ..simd.map_edge import find_beyond, mark_near_edge
 from ..simd.wheel_lanes import few_poses
 from ..solve.newton import CONVERGED, JOINT_STOP, NO_DATA, NOT_CONVERGED, OFF_MAP, STARTS, beyond_stops, covered, settle_contact
 
@@ -124,6 +125,7 @@ def settle_linear(
                 continue
         few = few_poses(car, count)
         load(lanes, car, header, x, y, yaw, steering, which, count, fresh, work)
+        mark_near_edge(lanes, header, far)
         fresh = False
         if anew:
             bilinear_settle.start(lanes, wheels, land[0], header, car, few)
@@ -136,6 +138,7 @@ def settle_linear(
                     lanes[POSE.q + n * LANES + l] = q[which[min(l, count - 1)], n]
                     lanes[CONTACT.sine + n * LANES + l] = 0.0  # reset the contacts of the lane's former pose
         bilinear_settle.settle(lanes, wheels, land, car, count, few, 1 if anew else ROUNDS)
+        find_beyond(lanes, header, car, count)
         for l in range(count):
             k = which[l]
             if anew and lanes[BILINEAR.fate + l] == bilinear_settle.SEARCHING:
@@ -143,6 +146,9 @@ def settle_linear(
                     q[k, n] = lanes[POSE.q + n * LANES + l]
                 wait[waiting] = k
                 waiting += 1
+            elif lanes[BILINEAR.fate + l] == bilinear_settle.BEYOND:
+                q[k] = math.nan
+                status[k] = OFF_MAP
             else:
                 store_lane(lanes, l, car, header, q, status, k, lanes[BILINEAR.fate + l] == bilinear_settle.SETTLED)
         if touch.shape[0] > 0:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit.decorators import fma_njit
-from ..model.ground import META_DX, META_DY, META_NX, META_NY
-from ..model.linkage import P_HALF, P_RADIUS
+from ..model.ground import META_DX, META_DY
+from ..model.linkage import P_RADIUS
 from ..model.tolerances import GAP_TIE
 from .cells import corners
 from .layout import BILINEAR, CELL, CONTACT, LANES, LOWEST, POSE, SPOT, WHEEL, in_use
@@ -71,30 +71,25 @@ def terrain_at_spots(lanes: Array, grid: Array, meta: Array) -> None:
 
 
 @fma_njit
-def store_contact(lanes: Array, meta: Array, rover: Array, i: int, width: float, least: float) -> None:
+def store_contact(lanes: Array, rover: Array, i: int, width: float, least: float) -> None:
     """Store the contact found for wheel i, in lanes whose POSE.active is at least `least`.
 
     Nearer to the tread's middle than `width`, the contact's slope is the tread's, else the terrain's.
 
     Args:
         lanes: the lane array (`layout`).
-        meta: the map header.
         rover: the packed rover.
         i: index of the wheel.
         width: distance from the middle, m.
         least: 0: all lanes. 1: active lanes.
 
-    Reads:  POSE.x, POSE.y, POSE.active, WHEEL.ox, WHEEL.oy, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz, CONTACT.sine,
-            CONTACT.cosine, CONTACT.offset, CONTACT.gx, CONTACT.gy, CONTACT.gap, LOWEST (all), BILINEAR.col, BILINEAR.row,
-            BILINEAR.rejected
+    Reads:  POSE.active, WHEEL.az, WHEEL.vx, WHEEL.vy, WHEEL.uz, CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.gx,
+            CONTACT.gy, CONTACT.gap, LOWEST (all), BILINEAR.col, BILINEAR.row, BILINEAR.rejected
     Writes: CONTACT.sine, CONTACT.cosine, CONTACT.offset, CONTACT.tx, CONTACT.ty, CONTACT.tz, CONTACT.gx, CONTACT.gy,
             CONTACT.gap, BILINEAR.col, BILINEAR.row, BILINEAR.rejected
     """
     i = min(max(i, 0), 5)
     radius = rover[P_RADIUS + i]
-    half = rover[P_HALF + i]
-    reach = radius + half
-    end_x, end_y = (meta[META_NX] - 1.0) * meta[META_DX], (meta[META_NY] - 1.0) * meta[META_DY]
     for l in range(in_use(lanes)):
         k = i * LANES + l
         sine, cosine, offset, gap, kept = (
@@ -119,9 +114,7 @@ def store_contact(lanes: Array, meta: Array, rover: Array, i: int, width: float,
         vx, vy, az, uz = lanes[WHEEL.vx + k], lanes[WHEEL.vy + k], lanes[WHEEL.az + k], lanes[WHEEL.uz + k]
         steep, tilt, inside = sine / (cosine * uz), az / uz, abs(offset) < width
         gx, gy = (steep * vy + tilt * vx if inside else gx), (tilt * vy - steep * vx if inside else gy)
-        x, y = lanes[POSE.x + l] + lanes[WHEEL.ox + k], lanes[POSE.y + l] + lanes[WHEEL.oy + k]
-        good = (x > reach) & (x < end_x - reach) & (y > reach) & (y < end_y - reach)
-        rejected = 0.0 if good & (lanes[LOWEST.doubt + l] >= gap - GAP_TIE) & (abs(gap) < math.inf) else 1.0
+        rejected = 0.0 if (lanes[LOWEST.doubt + l] >= gap - GAP_TIE) & (abs(gap) < math.inf) else 1.0
         sine, cosine, offset = (was_sine if kept else sine), (was_cosine if kept else cosine), (was_offset if kept else offset)
         lanes[CONTACT.sine + k], lanes[CONTACT.cosine + k], lanes[CONTACT.offset + k], lanes[CONTACT.gap + k] = (
             sine,

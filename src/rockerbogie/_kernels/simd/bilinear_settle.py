@@ -27,7 +27,8 @@ from .wheel_lanes import gather_wheels, parts_of, return_contacts
 
 Array = NDArray[np.float64]
 
-SEARCHING, SETTLED, FAILED = 0.0, 1.0, 2.0  # states of a lane
+# States of a lane; BEYOND: at its pose, a tread reaches beyond the map's edge
+SEARCHING, SETTLED, FAILED, BEYOND = 0.0, 1.0, 2.0, 3.0
 
 TRACKING_STEPS = 4  # Newton steps on tracked contacts, at most, before the next search
 
@@ -72,7 +73,7 @@ def sample_wheel(lanes: Array, grid: Array, meta: Array, rover: Array, i: int) -
                     COSINES[n],
                     s,
                 )
-    store_contact(lanes, meta, rover, i, 2.0 * half + 1.0, 0.0)
+    store_contact(lanes, rover, i, 2.0 * half + 1.0, 0.0)
 
 
 @inlined
@@ -154,12 +155,12 @@ def search_wheel(lanes: Array, grid: Array, meta: Array, rover: Array, i: int, a
         unclear = clear_above(lanes) if all_round else 0.0
     if half > 0.0 or unclear > 0.0:
         columns, lines = nodes_under(lanes)
-        take_heights(lanes, grid, columns, lines)
+        take_heights(lanes, grid, meta, columns, lines)
         if half > 0.0:
             search_insides(lanes, grid, meta, rover, i, columns, lines)
         if unclear > 0.0:
             clear_here(lanes, meta, columns, lines)
-    store_contact(lanes, meta, rover, i, half, 0.0)
+    store_contact(lanes, rover, i, half, 0.0)
 
 
 @njit
@@ -229,7 +230,7 @@ def track_wheel(lanes: Array, grid: Array, meta: Array, rover: Array, i: int) ->
     if half > 0.0:
         set_treads(lanes, rover, meta, i)
         track_insides(lanes, rover, meta, i)
-    store_contact(lanes, meta, rover, i, half, 1.0)
+    store_contact(lanes, rover, i, half, 1.0)
 
 
 @inlined

@@ -32,6 +32,7 @@ ALL = 6 * LANES  # size of a row with a number for each wheel
 LINE = 8  # numbers in a cache line of the processor
 
 WIDTH = 0  # index of the number of lanes in use
+EDGE = 1  # index of a flag: not 0 if a rover of the block may reach the map's edge
 
 COLUMNS = 48  # columns of cells under one rim, at most
 SIDE = 48  # grid nodes under one wheel along x or y, at most
@@ -186,8 +187,8 @@ class CellRows(NamedTuple):
 
     p: int = LANES  # cell along p
     t: int = LANES  # cell along t
-    col: int = LANES  # cell along x; `corners` moves it onto the map
-    row: int = LANES  # cell along y; `corners` moves it onto the map
+    col: int = LANES  # cell along x, also beyond the map
+    row: int = LANES  # cell along y, also beyond the map
     h00: int = LANES  # height at (col, row); NaN where data is missing
     h01: int = LANES  # height at (col + 1, row)
     h10: int = LANES  # height at (col, row + 1)
@@ -325,9 +326,9 @@ class BilinearRows(NamedTuple):
 
     col: int = ALL  # cell of the contact
     row: int = ALL
-    rejected: int = ALL  # flag: the search could not decide, or the wheel reaches over the edge of the map
+    rejected: int = ALL  # flag: the search could not decide
     deepest: int = LANES  # largest |gap| of the six; NaN if one is NaN or infinite
-    fate: int = LANES  # SEARCHING, SETTLED or FAILED
+    fate: int = LANES  # SEARCHING, SETTLED, FAILED or BEYOND
 
 
 class SpotRows(NamedTuple):

@@ -38,7 +38,7 @@ def set_treads(lanes: Array, rover: Array, meta: Array, i: int) -> None:
     """
     i = min(max(i, 0), 5)
     radius, half = rover[P_RADIUS + i], rover[P_HALF + i]
-    dx, dy, last_x, last_y = meta[META_DX], meta[META_DY], meta[META_NX] - 1.0, meta[META_NY] - 1.0
+    dx, dy = meta[META_DX], meta[META_DY]
     for l in range(in_use(lanes)):
         k = i * LANES + l
         vx, vy, az, uz = lanes[WHEEL.vx + k], lanes[WHEEL.vy + k], lanes[WHEEL.az + k], lanes[WHEEL.uz + k]
@@ -88,12 +88,12 @@ def set_treads(lanes: Array, rover: Array, meta: Array, i: int) -> None:
         far_x = half * abs(uz * vx) + radius * math.sqrt(vy * vy + az * az * vx * vx)
         far_y = half * abs(uz * vy) + radius * math.sqrt(vx * vx + az * az * vy * vy)
         lanes[TREAD.col_0 + l], lanes[TREAD.col_1 + l] = (
-            max(np.floor((x - far_x) / dx), 0.0),
-            min(np.floor((x + far_x) / dx) + 1.0, last_x),
+            np.floor((x - far_x) / dx),
+            np.floor((x + far_x) / dx) + 1.0,
         )
         lanes[TREAD.row_0 + l], lanes[TREAD.row_1 + l] = (
-            max(np.floor((y - far_y) / dy), 0.0),
-            min(np.floor((y + far_y) / dy) + 1.0, last_y),
+            np.floor((y - far_y) / dy),
+            np.floor((y + far_y) / dy) + 1.0,
         )
 
 
@@ -120,28 +120,34 @@ def nodes_under(lanes: Array) -> tuple[int, int]:
 
 
 @fma_njit
-def take_heights(lanes: Array, grid: Array, columns: int, lines: int) -> None:
+def take_heights(lanes: Array, grid: Array, meta: Array, columns: int, lines: int) -> None:
     """Copy the heights of the nodes under the wheels, row by row.
 
-    Lanes with fewer nodes repeat their last one.
+    Lanes with fewer nodes repeat their last one. Beyond the map's edge, a node has the height of the nearest node on the map.
 
     Args:
         lanes: the lane array (`layout`).
         grid: node heights (bilinear) or spline coefficients (cubic), m.
+        meta: the map header.
         columns: number of nodes along x under the widest of the wheels.
         lines: number of nodes along y under the widest of the wheels.
 
     Reads:  HOME (all), TREAD.col_0, TREAD.row_0, TREAD.col_1, TREAD.row_1, TREAD.node_col, TREAD.node_row, TREAD.node_height
     Writes: TREAD.node_col, TREAD.node_row, TREAD.node_height, NODES.height
     """
-    columns, lines = min(max(columns, 0), SIDE), min(max(lines, 0), SIDE)
+    columns, lines, last_x, last_y = (
+        min(max(columns, 0), SIDE),
+        min(max(lines, 0), SIDE),
+        meta[META_NX] - 1.0,
+        meta[META_NY] - 1.0,
+    )
     for m in range(lines):
         for n in range(columns):
             at = NODES.height + min(m * columns + n, ROOM - 1) * LANES
             for l in range(in_use(lanes)):
                 column, row = (
-                    max(min(lanes[TREAD.col_0 + l] + n, lanes[TREAD.col_1 + l]), 0.0),
-                    max(min(lanes[TREAD.row_0 + l] + m, lanes[TREAD.row_1 + l]), 0.0),
+                    max(min(min(lanes[TREAD.col_0 + l] + n, lanes[TREAD.col_1 + l]), last_x), 0.0),
+                    max(min(min(lanes[TREAD.row_0 + l] + m, lanes[TREAD.row_1 + l]), last_y), 0.0),
                 )
                 home_x, home_y = lanes[HOME.col + l], lanes[HOME.row + l]
                 lanes[TREAD.node_col + l], lanes[TREAD.node_row + l] = (

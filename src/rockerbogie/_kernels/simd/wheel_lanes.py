@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..jit.decorators import inlined, njit
 from ..model.linkage import P_HALF, P_RADIUS
-from .layout import BILINEAR, CONTACT, HALF, HOME, LANES, POSE, WHEEL, WIDTH, in_use
+from .layout import BILINEAR, CONTACT, EDGE, HALF, HOME, LANES, POSE, WHEEL, WIDTH, in_use
 
 Array = NDArray[np.float64]
 
@@ -60,7 +60,7 @@ def gather_wheels(lanes: Array, wheels: Array, few: int, part: int) -> None:
     """
     first = part * LANES
     count = min(6 * few - first, LANES)
-    wheels[WIDTH] = HALF if count <= HALF else LANES
+    wheels[WIDTH], wheels[EDGE] = HALF if count <= HALF else LANES, lanes[EDGE]
     i, pose = first // few, first % few
     for l in range(in_use(wheels)):
         k = i * LANES + pose
