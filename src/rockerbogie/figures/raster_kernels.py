@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .._kernels.jit.decorators import njit
+from .._kernels.jit.decorators import njit, owning_njit
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int32]
@@ -48,7 +48,7 @@ def rasterise(tri: Array, index: Index, near: Array) -> None:
                     index[row, col] = t
 
 
-@njit
+@owning_njit
 def shade(
     index: Index, tri: Array, corners: Array, normals: Array, colours: Array, ruled: NDArray[np.bool_], eye: Array,
     to_sun: Array, shadow: Array, sun_axes: Array, sun_eye: Array, sun_scale: float, sun_shift: Array,

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import inlined, njit
+from ..jit.decorators import inlined, owning_njit
 from ..jit.raw_views import unowned_view
 from ..model.bridge import bridged_grid, cells_around, with_grid
 from ..model.ground import META_X, META_Y, META_Z, CubicGround, Ground, LinearGround, borrow, near_map
@@ -34,7 +34,7 @@ SAME_POSE = 1e-5  # m and rad, largest difference of two solutions for one pose
 UNSETTLED = 255  # status of a pose that the lanes have not settled
 
 
-@njit
+@owning_njit
 def settle_cubic(
     grid: Array, upper_bound: Array, meta: Array, rover: Array,
     x: Array, y: Array, yaw: Array, steering: Array, out: Array, status: NDArray[np.uint8],
@@ -75,7 +75,7 @@ def settle_cubic(
     buffer[0] = block[0] = 0.0  # keep the buffers alive: `work` and `lanes` are unowned views of them
 
 
-@njit
+@owning_njit
 def settle_linear(
     grid: Array, meta: Array, rover: Array,
     x: Array, y: Array, yaw: Array, steering: Array, out: Array, status: NDArray[np.uint8],
@@ -216,7 +216,7 @@ def store_lane(
         status[k] = UNSETTLED
 
 
-@njit
+@owning_njit
 def settle_left(
     ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, out: Array, status: NDArray[np.uint8],
     left: NDArray[np.int64],
@@ -244,7 +244,7 @@ def settle_left(
     buffer[0] = 0.0  # keep the buffer alive: `work` is an unowned view of it
 
 
-@njit
+@owning_njit
 def settle_bridged(
     ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, out: Array, status: NDArray[np.uint8],
     left: NDArray[np.int64],

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import njit, owning_njit
 from ..jit.raw_views import unowned_view
 from ..model.ground import META_X, META_Y, META_Z, Ground, borrow
 from ..model.linkage import P_BOX, PITCH, ROLL, Z, body_axes, forward_kinematics, set_hub_offsets
@@ -57,7 +57,7 @@ def flush(grid: Array, meta: Array, w: Array, lowest: Array) -> bool:
     return max(far, middle) <= lowest[GAP] + 1e-9
 
 
-@njit
+@owning_njit
 def contacts_batch(
     ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, q: Array, keep: float,
     gap: Array, angle: Array, point: Array, normal: Array, count: NDArray[np.int64],
@@ -118,7 +118,7 @@ def contacts_batch(
     buffer[0] = contacts_buffer[0, 0] = 0.0  # keep the buffers alive: `work` and `contacts` are unowned views of them
 
 
-@njit
+@owning_njit
 def clearance_batch(
     ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, q: Array, out: Array, start: int, stop: int
 ) -> None:

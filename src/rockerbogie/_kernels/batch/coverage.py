@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import njit, owning_njit
 from ..jit.raw_views import unowned_view
 from ..model.bridge import cells_around
 from ..model.ground import META_DX, META_DY, META_X, META_Y, META_Z, Ground, borrow, on_map
@@ -20,7 +20,7 @@ from ..solve.newton import CONVERGED, JOINT_STOP, NO_DATA, wheel_extent
 Array = NDArray[np.float64]
 
 
-@njit
+@owning_njit
 def refuse_uncovered(
     ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, out: Array, status: NDArray[np.uint8],
     start: int, stop: int,
@@ -60,7 +60,7 @@ def refuse_uncovered(
     buffer[0] = 0.0  # keep the buffer alive: `work` is an unowned view of it
 
 
-@njit
+@owning_njit
 def refuse_far(
     ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, out: Array, status: NDArray[np.uint8],
     far: float, left: NDArray[np.int64],

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import owning_njit
 from ..jit.raw_views import unowned_view
 from ..model.bridge import bridged_grid, cells_around, with_grid
 from ..model.ground import META_X, META_Y, META_Z, Ground, borrow
@@ -25,7 +25,7 @@ from ..solve.six_wheels import SIX_SIZE, lay_out_six
 Array = NDArray[np.float64]
 
 
-@njit
+@owning_njit
 def equilibrium_batch(
     ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, out: Array, status: NDArray[np.uint8],
     report: Array,
@@ -61,7 +61,7 @@ def equilibrium_batch(
     buffer[0] = room[0] = memory_buffer[0] = 0.0  # keep the buffers alive: `work`, `six` and `memory` are unowned views of them
 
 
-@njit
+@owning_njit
 def equilibrium_left(
     ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, out: Array, status: NDArray[np.uint8],
     report: Array, left: NDArray[np.int64],
@@ -101,7 +101,7 @@ def equilibrium_left(
     buffer[0] = memory_buffer[0] = 0.0  # keep the buffers alive: `work` and `memory` are unowned views of them
 
 
-@njit
+@owning_njit
 def equilibrium_bridged(
     ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, out: Array, status: NDArray[np.uint8],
     report: Array, left: NDArray[np.int64],

@@ -13,12 +13,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import fma_njit, inlined, njit
+from ..jit.decorators import fma_njit, inlined, njit, owning_njit
 from ..jit.raw_views import unowned_view
 from ..model.linkage import P_RADIUS
 from ..soil.table import SPACE
 from ..statics.balance import EQUATIONS
 from .contact_law import BY_LOAD, BY_MOTION, DUAL_SIZE, FORCE, ROW, coulomb, tabulated
+from .linear import copy_numbers
 from .station import FREE, Station
 
 Array = NDArray[np.float64]
@@ -61,7 +62,7 @@ class Motion(NamedTuple):
 MOTION_SIZE = 6 * EQUATIONS + 6 + 6 * ROW + EQUATIONS * EQUATIONS + 12 + 1 + 20 + SPACE + 6 * DUAL_SIZE
 
 
-@njit
+@owning_njit
 def new_motion(buffer: Array, order: NDArray[np.int64]) -> Motion:
     """Return work arrays as unowned views into a buffer.
 
@@ -149,7 +150,7 @@ def residual_at(
         Sum of the squares of the residual.
     """
     y, r, J = m.y, m.residual, m.jacobian
-    y[:FREE] = z[:FREE]
+    copy_numbers(z[:FREE], y[:FREE])
     for i in range(6):
         root = math.sqrt(z[FREE + i] * z[FREE + i] + 4.0 * sigma * sigma)
         big = 0.5 * (abs(z[FREE + i]) + root)
@@ -157,7 +158,7 @@ def residual_at(
         m.load[i], lift = (big, other) if z[FREE + i] >= 0.0 else (other, big)
         y[FREE + i] = law.speed * lift
         m.slope[i, 0], m.slope[i, 1] = m.load[i] / root, -law.speed * lift / root
-    r[:] = s.pull
+    copy_numbers(s.pull, r)
     J[:] = 0.0
     for i in range(6):
         f, load, ways = m.force[i], m.load[i], s.ways[i]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..jit.decorators import inlined, njit
 from ..statics.balance import EQUATIONS
 from .balance_residual import Law, Motion, reset_motion, residual_at
-from .linear import decompose, solve_transposed
+from .linear import copy_numbers, decompose, solve_transposed
 from .station import FREE, Station
 
 Array = NDArray[np.float64]
@@ -103,7 +103,7 @@ def newton(
             share *= 0.5
         if not better:
             return -1 - it
-        m.z[:] = m.trial
+        copy_numbers(m.trial, m.z)
         total = trial
         for k in range(FREE):
             if not abs(m.z[k]) < FASTEST * law.speed:
@@ -169,7 +169,7 @@ def continued(s: Station, rover: Array, law: Law, soil: bool, first: float, goal
         Number of Newton steps; slip scale of the solution, inf if there is none.
     """
     total, scale, solved, ratio = 0, first, math.inf, FIRST_RATIO
-    m.kept[:] = m.z
+    copy_numbers(m.z, m.kept)
     while True:
         last = scale <= goal
         sigma = SMOOTHING if last else max(0.1 * scale, SMOOTHING)
@@ -177,13 +177,13 @@ def continued(s: Station, rover: Array, law: Law, soil: bool, first: float, goal
         if count >= 0:
             total += count
             solved = scale
-            m.kept[:] = m.z
+            copy_numbers(m.z, m.kept)
             if last:
                 return total, solved
             ratio = max(ratio * ratio, FIRST_RATIO)
         else:
             total -= count
-            m.z[:] = m.kept
+            copy_numbers(m.kept, m.z)
             ratio = math.sqrt(ratio)
             if solved == math.inf or ratio > LEAST_RATIO:
                 break
@@ -251,20 +251,20 @@ def solve_motion(s: Station, rover: Array, law: Law, m: Motion) -> int:
     Returns:
         Number of Newton steps; -1 if no balance was found.
     """
-    m.kept[:] = m.z
+    copy_numbers(m.z, m.kept)
     if law.soil:
         count = newton(s, rover, law, True, SLIP_SCALE, SMOOTHING, DIRECT, 2, RESIDUAL, m)
     else:
         count = primal_dual(s, rover, law, START_SCALE, START_RATIO, m)
         if count < 0:
-            m.z[:] = m.kept
+            copy_numbers(m.kept, m.z)
             more = primal_dual(s, rover, law, SLOW_SCALE, SLOW_RATIO, m)
             count = more - count if more >= 0 else more + count
     m.scale[0] = SLIP_SCALE
     if count >= 0:
         return count
     total = -count
-    m.z[:] = m.kept
+    copy_numbers(m.kept, m.z)
     count, m.scale[0] = continued(s, rover, law, law.soil, NEARBY, SLIP_SCALE, m)
     total += count
     if m.scale[0] <= SLIP_SCALE:

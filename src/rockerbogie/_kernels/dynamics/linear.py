@@ -7,9 +7,21 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import fma_njit
+from ..jit.decorators import fma_njit, inlined
 
 Array = NDArray[np.float64]
+
+
+@inlined
+def copy_numbers(source: Array, target: Array) -> None:
+    """Copy the numbers of one array to another that does not overlap it.
+
+    Args:
+        source: (n,).
+        target: (n,) filled.
+    """
+    for k in range(target.shape[0]):
+        target[k] = source[k]
 
 
 @fma_njit

@@ -16,6 +16,7 @@ from ..search.tread import FOUND, least_gap
 from ..search.verify_minimum import LOWER, UNKNOWN, is_least
 from ..search.workspace import Work
 from ..solve.newton import move, solve_linkage
+from .linear import copy_numbers
 from .track import track_contact
 
 Array = NDArray[np.float64]
@@ -75,7 +76,7 @@ def settle_near(
                     if found == UNKNOWN:
                         return False
                     if found == LOWER:
-                        t[:] = work.lowest
+                        copy_numbers(work.lowest, t)
                         code = LOWER
                 if code == LOWER:
                     steps = 0

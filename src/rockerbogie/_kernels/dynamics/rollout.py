@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import njit, owning_njit
 from ..jit.raw_views import unowned_view
 from ..model.ground import META_CUBIC, META_X, META_Y, META_Z, Ground, borrow
 from ..model.linkage import P_RADIUS, Z, set_hub_offsets
@@ -19,6 +19,7 @@ from ..solve.newton import CONVERGED, NOT_CONVERGED, beyond_stops, settle_contac
 from .balance_residual import MOTION_SIZE, Law, Motion, new_motion, reset_motion
 from .contact_law import FORCE, OVERLOAD, RIM, SINKAGE, TORQUE
 from .equilibrium_motion import solve_motion
+from .linear import copy_numbers
 from .near import settle_near
 from .station import FREE, STATION_SIZE, Station, balance_at, new_station, settled_rates
 
@@ -71,6 +72,7 @@ class Drive(NamedTuple):
 class State(NamedTuple):
     """Work arrays of one drive at one station."""
 
+    station: Array  # (21,) the next six
     place: Array  # (3,) x, y, m from the map's first node, and yaw, rad
     q: Array  # (6,) pose
     rates: Array  # (6,) of the pose
@@ -88,7 +90,7 @@ KEPT = 3 + 6 + 6 + 3 + 2 + 1 + 6 * CONTACT_SIZE + 9
 STATE_SIZE = 3 + 6 + 6 + 3 + 2 + 1 + 6 + 6 + 6 + KEPT + 5
 
 
-@njit
+@owning_njit
 def new_state(buffer: Array) -> State:
     """Return work arrays as unowned views into a buffer.
 
@@ -97,7 +99,7 @@ def new_state(buffer: Array) -> State:
     """
     b = unowned_view(buffer)
     return State(
-        b[:3], b[3:9], b[9:15], b[15:18], b[18:20], b[20:21], b[21:27], b[27:33], b[33:39], b[39 : 39 + KEPT],
+        b[:21], b[:3], b[3:9], b[9:15], b[15:18], b[18:20], b[20:21], b[21:27], b[27:33], b[33:39], b[39 : 39 + KEPT],
         b[39 + KEPT : 44 + KEPT],
     )  # fmt: skip
 
@@ -110,11 +112,10 @@ def keep(state: State, work: Work, m: Motion) -> None:
         state, work, m: of the station.
     """
     kept = state.kept
-    kept[:3], kept[3:9], kept[9:15], kept[15:18] = state.place, state.q, state.rates, state.w
-    kept[18:20], kept[20], kept[21:30] = state.power, state.height[0], m.z
+    copy_numbers(state.station, kept[:21])
+    copy_numbers(m.z, kept[21:30])
     for i in range(6):
-        for k in range(CONTACT_SIZE):
-            kept[30 + CONTACT_SIZE * i + k] = work.touch[i, k]
+        copy_numbers(work.touch[i], kept[30 + CONTACT_SIZE * i : 30 + CONTACT_SIZE * (i + 1)])
 
 
 @njit
@@ -125,11 +126,10 @@ def restore(state: State, work: Work, m: Motion) -> None:
         state, work, m: filled.
     """
     kept = state.kept
-    state.place[:], state.q[:], state.rates[:], state.w[:] = kept[:3], kept[3:9], kept[9:15], kept[15:18]
-    state.power[:], state.height[0], m.z[:] = kept[18:20], kept[20], kept[21:30]
+    copy_numbers(kept[:21], state.station)
+    copy_numbers(kept[21:30], m.z)
     for i in range(6):
-        for k in range(CONTACT_SIZE):
-            work.touch[i, k] = kept[30 + CONTACT_SIZE * i + k]
+        copy_numbers(kept[30 + CONTACT_SIZE * i : 30 + CONTACT_SIZE * (i + 1)], work.touch[i])
 
 
 @njit
@@ -211,7 +211,7 @@ def evaluate(
     if overload > 0.0:
         return OVERLOADED, steps
     state.power[0], state.power[1] = weight * done, weight * lost
-    state.w[:] = m.y[:FREE]
+    copy_numbers(m.y[:FREE], state.w)
     settled_rates(s, m.y, state.rates)
     if search:
         height = centre_of_mass(rover, work.hub_offsets, state.q, cy, sy, work.axes, work.pivots, state.slope)
@@ -291,11 +291,11 @@ def record(rover: Array, steps: int, s: Station, m: Motion, state: State, meta: 
         out: (R_SIZE,) filled.
     """
     out[R_X], out[R_Y], out[R_YAW] = state.place[0] + meta[META_X], state.place[1] + meta[META_Y], state.place[2]
-    out[R_Q : R_Q + 6] = state.q
+    copy_numbers(state.q, out[R_Q : R_Q + 6])
     out[R_Q + Z] += meta[META_Z]
     for k in range(FREE):
         out[R_RATE + k] = m.y[k]
-    out[R_RATE + FREE : R_RATE + 9] = state.rates
+    copy_numbers(state.rates, out[R_RATE + FREE : R_RATE + 9])
     weight = -s.weight[2]
     out[R_HEIGHT] = state.height[0] + meta[META_Z]
     for i in range(6):
@@ -308,7 +308,7 @@ def record(rover: Array, steps: int, s: Station, m: Motion, state: State, meta: 
     out[R_STEPS], out[R_SCALE] = steps, m.scale[0]
 
 
-@njit
+@owning_njit
 def predict_batch(
     ground: Ground, rover: Array, start_at: Array, commands: Array, command_of: NDArray[np.int64], counts: NDArray[np.int64],
     span: float, references: Array, friction: Array, tables: Array, table_of: NDArray[np.int64], gravity: float, torque: Array,

@@ -12,14 +12,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import njit, owning_njit
 from ..jit.raw_views import unowned_view
 from ..model.ground import Ground
 from ..model.linkage import ROCKER, Z, right_rocker
 from ..model.wheel import AX, AY, AZ, COSINE, GAP, HALF, HX, HY, HZ, PLACE, SIN, contact_slope, gap_at, tread_point
 from ..search.workspace import Work
 from ..statics.balance import EQUATIONS, NORMAL, SIDE, TRACTION, contact_columns, weight_column
-from .linear import decompose, solve, solve_transposed
+from .linear import copy_numbers, decompose, solve, solve_transposed
 
 Array = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ class Station(NamedTuple):
 STATION_SIZE = 6 + 6 * (HALF + 1) + 18 + 18 + 18 * EQUATIONS + 54 + EQUATIONS + 36 + 6 * FREE + 18 * EQUATIONS + 2 * EQUATIONS
 
 
-@njit
+@owning_njit
 def new_station(buffer: Array, order: NDArray[np.int64]) -> Station:
     """Return work arrays as unowned views into a buffer.
 
@@ -109,7 +109,7 @@ def take_contacts(ground: Ground, x: float, y: float, z: float, work: Work, s: S
         gx, gy = contact_slope(grid, meta, w, t[SIN], t[COSINE], place)
         size = math.sqrt(1.0 + gx * gx + gy * gy)
         s.normal[i, 0], s.normal[i, 1], s.normal[i, 2] = -gx / size, -gy / size, 1.0 / size
-        s.wheels[i, : HALF + 1] = w[: HALF + 1]
+        copy_numbers(w[: HALF + 1], s.wheels[i])
 
 
 @njit
@@ -165,14 +165,14 @@ def balance_at(
         The rover's weight, N; 0 if the contacts do not determine the pose.
     """
     take_contacts(ground, x, y, q[Z], work, s)
-    s.q[:] = q
+    copy_numbers(q, s.q)
     contact_columns(rover, q, work.axes, work.pivots, s.wheels, s.point, s.normal, s.columns, s.frame)
     weight = gravity * weight_column(rover, work.hub_offsets, q, work.axes, work.pivots, 0.0, 0.0, -gravity, s.weight)
     column, axes = s.column, work.axes
     for i in range(6):
         to_rates(s.columns[i, NORMAL], axes, cy, sy, column)
-        s.drift[i, :] = column[:FREE]
-        s.lift[i, :] = column[FREE:]
+        copy_numbers(column[:FREE], s.drift[i])
+        copy_numbers(column[FREE:], s.lift[i])
     if not decompose(s.lift, s.order):
         return 0.0
     _, slope = right_rocker(rover, q[ROCKER])

@@ -51,9 +51,11 @@ def _without_value(kind: Any) -> Any:
 
 
 def njit(function: F) -> F:
-    """Compile a scalar kernel.
+    """Compile a scalar kernel, which borrows its arrays.
 
-    It releases Python's global lock, so that several threads can work on one batch.
+    It counts no references: its caller owns all arrays while it runs. It therefore makes no array and returns none, nor does it
+    copy one slice to another, for which numba may make one: `owning_njit` compiles a kernel that does. It releases Python's
+    global lock, so that several threads can work on one batch.
 
     Args:
         function: Python function in numba's subset.
@@ -61,7 +63,22 @@ def njit(function: F) -> F:
     Returns:
         The compiled function.
     """
-    made: F = _compiled(function, nogil=True)
+    made: F = _compiled(function, nogil=True, _nrt=False)
+    return made
+
+
+def owning_njit(function: F) -> F:
+    """Compile as `njit`, with reference counts.
+
+    It is for a kernel that makes or returns arrays, or copies slices.
+
+    Args:
+        function: Python function in numba's subset.
+
+    Returns:
+        The compiled function.
+    """
+    made: F = _compiled(function, nogil=True, _nrt=True)
     return made
 
 
@@ -76,12 +93,25 @@ def fma_njit(function: F) -> F:
     Returns:
         The compiled function.
     """
-    made: F = _compiled(function, nogil=True, fastmath={"contract"})
+    made: F = _compiled(function, nogil=True, _nrt=False, fastmath={"contract"})
+    return made
+
+
+def owning_fma_njit(function: F) -> F:
+    """Compile as `owning_njit`, with fused multiply-add.
+
+    Args:
+        function: Python function in numba's subset.
+
+    Returns:
+        The compiled function.
+    """
+    made: F = _compiled(function, nogil=True, _nrt=True, fastmath={"contract"})
     return made
 
 
 def force_inlined(function: F) -> F:
-    """Compile a kernel whose machine code LLVM inserts into its caller's.
+    """Compile as `njit` a kernel whose machine code LLVM inserts into its caller's.
 
     It is for kernels for which passing the arguments would cost too much.
 
@@ -91,7 +121,7 @@ def force_inlined(function: F) -> F:
     Returns:
         The compiled function.
     """
-    made: F = _compiled(function, nogil=True, forceinline=True)
+    made: F = _compiled(function, nogil=True, _nrt=False, forceinline=True)
     return made
 
 

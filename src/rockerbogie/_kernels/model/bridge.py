@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit, specialize_on_ground
+from ..jit.decorators import njit, owning_njit, specialize_on_ground
 from ..jit.raw_views import window
 from .ground import META_CUBIC, META_DX, META_DY, META_NX, META_NY, CubicGround, Ground, LinearGround
 
@@ -37,7 +37,7 @@ def cells_around(ground: Ground, x: float, y: float, reach: float) -> tuple[int,
     return i0, i1, j0, j1
 
 
-@njit
+@owning_njit
 def bridged_grid(ground: Ground, i0: int, i1: int, j0: int, j1: int) -> tuple[Array, int]:
     """Return a copy of the grid values of some cells, with missing values replaced.
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import fma_njit, inlined
+from ..jit.decorators import inlined, owning_fma_njit
 from .linkage import P_BOGIE_PIVOT, P_HUB, P_OFFSET, P_PIVOT, P_RADIUS, right_rocker
 from .sincos import FAR, sincos
 
@@ -65,7 +65,7 @@ def _near_zero(angle: float) -> float:
     return angle if not abs(angle) > FAR else math.atan2(math.sin(angle), math.cos(angle))
 
 
-@fma_njit
+@owning_fma_njit
 def wheel_jacobians_batch(
     rover: Array, steers: NDArray[np.bool_], rocker: Array, bogie: Array, steering: Array, contact: Array,
     J: Array, frames: Array, start: int, stop: int,

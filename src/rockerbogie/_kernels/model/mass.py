@@ -7,13 +7,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import owning_njit
 from .linkage import P_BODY, P_BOGIE, P_ROCKER, P_WHEEL, ROCKER, gap_jacobian_row, right_rocker
 
 Array = NDArray[np.float64]
 
 
-@njit
+@owning_njit
 def centre_of_mass(
     rover: Array, hub_offsets: Array, q: Array, cy: float, sy: float, axes: Array, pivots: Array, slope: Array
 ) -> float:

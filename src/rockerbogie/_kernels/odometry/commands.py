@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import njit, owning_njit
 from ..model.linkage import P_RADIUS
 from .layout import C_MOTION, C_RATE, C_SIDE_SLIP, C_TURN, C_TURN_SLIP, R_STEERING, R_STEERING_RATE
 from .least_squares import least_squares
@@ -52,7 +52,7 @@ def set_rows(
     set_contact_rows(rover, frame, joint, planes, contact, rows)
 
 
-@njit
+@owning_njit
 def set_planes(rover: Array, steers: NDArray[np.bool_], reading: Array, steering: Array, contact: Array, planes: Array) -> None:
     """Compute the planes that upright wheels stand on at given steering and contact angles.
 
@@ -92,7 +92,7 @@ def on_terrain(rows: Array, wanted: Array, motion: Array, A: Array, x: Array, sq
     motion[2], motion[3], motion[4], motion[6], motion[7], motion[8] = x[0], x[1], x[2], x[3], x[4], x[5]
 
 
-@njit
+@owning_njit
 def commands(
     rover: Array, steers: NDArray[np.bool_], reading: Array, planes: Array, wanted: Array, limits: Array, fixed: bool, out: Array
 ) -> None:
@@ -161,7 +161,7 @@ def commands(
         out[C_RATE + i], out[C_SIDE_SLIP + i], out[C_TURN_SLIP + i] = along / rover[P_RADIUS + i], across, about
 
 
-@njit
+@owning_njit
 def commands_batch(
     rover: Array, steers: NDArray[np.bool_], reading: Array, steering: Array, contact: Array, planes: Array, wanted: Array,
     limits: Array, fixed: bool, out: Array, start: int, stop: int,

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import owning_njit
 from ..model.linkage import BOGIE_L, P_RADIUS, PITCH, ROCKER, ROLL, Z, body_axes
 from .layout import R_BOGIE, R_ROCKER, R_SIZE, R_STEERING
 from .motion import ASIDE, AXLE, FORWARD, HUB, UP, set_wheels
@@ -15,7 +15,7 @@ from .motion import ASIDE, AXLE, FORWARD, HUB, UP, set_wheels
 Array = NDArray[np.float64]
 
 
-@njit
+@owning_njit
 def wheel_frames_batch(
     rover: Array, steers: NDArray[np.bool_], rocker: Array, bogie: Array, steering: Array, T: Array, start: int, stop: int
 ) -> None:
@@ -42,7 +42,7 @@ def wheel_frames_batch(
             T[k, i, 3, 0], T[k, i, 3, 1], T[k, i, 3, 2], T[k, i, 3, 3] = 0.0, 0.0, 0.0, 1.0
 
 
-@njit
+@owning_njit
 def rim_contacts(
     rover: Array, steers: NDArray[np.bool_], T: Array, joints: Array, contact: Array, q: Array, normal: Array, point: Array
 ) -> float:
@@ -80,7 +80,7 @@ def rim_contacts(
     return math.atan2(T[1, 0], T[0, 0])
 
 
-@njit
+@owning_njit
 def contact_planes_batch(
     rover: Array, steers: NDArray[np.bool_], x: Array, y: Array, yaw: Array, q: Array, steering: Array, normal: Array,
     point: Array, planes: Array, start: int, stop: int,

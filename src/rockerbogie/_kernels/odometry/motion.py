@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import njit, owning_njit
 from ..model.linkage import P_BOGIE_PIVOT, P_HUB, P_OFFSET, P_PIVOT, P_RADIUS, right_rocker
 from .layout import (
     R_BOGIE,
@@ -245,7 +245,7 @@ def set_soil_slip(frame: Array, contact: Array, roll: float, pitch: float, weigh
         expected[i, 2] = 0.0
 
 
-@njit
+@owning_njit
 def motion_batch(
     rover: Array, steers: NDArray[np.bool_], weights: Array, reading: Array, climb: Array,
     motion: Array, covariance: Array, residual: Array, contact: Array, normals: Array, rolling: Array, start: int, stop: int,

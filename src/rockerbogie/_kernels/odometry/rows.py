@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import njit, owning_njit
 from .layout import (
     R_GYRO,
     R_ROCKER,
@@ -57,7 +57,7 @@ def clean_row(row: Array, steers: NDArray[np.bool_]) -> bool:
     return turns
 
 
-@njit
+@owning_njit
 def set_turn(a: Array, b: Array, turn: Array) -> None:
     """Compute the rotation vector between the attitudes of two rows.
 
@@ -75,7 +75,7 @@ def set_turn(a: Array, b: Array, turn: Array) -> None:
     turn_between(R, S, turn)
 
 
-@njit
+@owning_njit
 def follow_row(last: Array, row: Array, summed: bool) -> None:
     """Continue heading and summed turn of a row from the one before: no wraps of the heading.
 

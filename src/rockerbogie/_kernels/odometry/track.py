@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import njit, owning_njit
 from .layout import (
     N_DOUBT,
     N_DOUBT_LENGTH,
@@ -72,7 +72,7 @@ def turned_by(R: Array, vector: Array, out: Array) -> None:
         out[r, 0], out[r, 1], out[r, 2] = a - first * px + second * qx, b - first * py + second * qy, c - first * pz + second * qz
 
 
-@njit
+@owning_njit
 def turn_between(R: Array, S: Array, vector: Array) -> None:
     """Compute the rotation vector of RᵀS.
 
@@ -132,7 +132,7 @@ def screw(phi: Array, rho: Array, out: Array) -> float:
     return angle
 
 
-@njit
+@owning_njit
 def turns_batch(attitude: Array, turn: Array, start: int, stop: int) -> None:
     """Compute the rotation vectors between consecutive attitudes.
 
@@ -148,7 +148,7 @@ def turns_batch(attitude: Array, turn: Array, start: int, stop: int) -> None:
         turn_between(R, S, turn[k])
 
 
-@njit
+@owning_njit
 def set_error_growth(P: Array, step: Array, added: Array) -> None:
     """Propagate the covariance of a pose over a displacement, in place.
 
@@ -185,7 +185,7 @@ def slip_share(state: Array) -> float:
     return state[T_SLIP] / state[T_RIM] if state[T_RIM] > 0.0 else 0.0
 
 
-@njit
+@owning_njit
 def advance(
     state: Array, noise: Array, time: float, twist: Array, covariance: Array, rolling: Array, attitude: Array, height: float,
     work: Array,
@@ -262,7 +262,7 @@ def advance(
     R[:] = S
 
 
-@njit
+@owning_njit
 def track_batch(
     state: Array, noise: Array, dt: Array, motion: Array, covariance: Array, rolling: Array, attitude: Array, height: Array,
     T: Array, P: Array, lengths_slip: Array, start: int, stop: int,

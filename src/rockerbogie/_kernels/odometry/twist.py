@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import njit, owning_njit
 from .commands import set_planes, set_rows
 from .layout import (
     E_ACROSS,
@@ -42,7 +42,7 @@ def set_tilt_rows(tilt: Array, rows: Array) -> None:
         rows[0, 4], rows[0, 5], rows[1, 4], rows[1, 5] = sr * slope, cr * slope, cr, -sr
 
 
-@njit
+@owning_njit
 def twist_batch(
     rover: Array, steers: NDArray[np.bool_], reading: Array, steering: Array, contact: Array, planes: Array, turned: bool,
     tilt: Array, value: Array, sigma: Array, A: Array, counts: NDArray[np.int64], motion: Array, covariance: Array, rows: Array,

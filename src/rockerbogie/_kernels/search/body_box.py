@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import njit, owning_njit
 from ..model.ground import META_CUBIC, META_DX, META_DY, META_NX, META_NY, META_STEEP, Ground, on_map, surface
 from ..model.tolerances import CLEARANCE_TIE
 from .box_edge import Edge, search_edge
@@ -28,7 +28,7 @@ CELLS = 64  # most cells of cubic terrain under the box whose slope is bounded f
 APART = 0.1  # points closer than this share of the box's length are one
 
 
-@njit
+@owning_njit
 def box_over_ground(
     ground: Ground, box: Array, axes: Array, x: float, y: float, z: float, margin: float, near: Array
 ) -> tuple[int, int]:

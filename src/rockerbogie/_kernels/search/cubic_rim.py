@@ -64,6 +64,7 @@ def search_arc(
     """
     lowest, keep, contacts = found
     unlisted = Minima(lowest, -math.inf, contacts)
+    on_arc = w[DERIVATIVES_OF_TREAD : DERIVATIVES_OF_TREAD + DERIVATIVES_SIZE]
     a, b = low, high
     sa, ca = math.sin(a), math.cos(a)
     fa, ga, _, gx, gy = _along(grid, meta, w, sa, ca, s)
@@ -71,7 +72,7 @@ def search_arc(
         sb, cb = math.sin(b), math.cos(b)
         fb, gb, _, next_gx, next_gy = _along(grid, meta, w, sb, cb, s)
         length = b - a
-        on_arc = _derivatives_on_arc(grid, meta, w, i, j, s, length, sa, ca, sb, cb)
+        _derivatives_on_arc(grid, meta, w, i, j, s, length, sa, ca, sb, cb, on_arc)
         curvature = _least_curvature(w, on_arc, gx, gy, a, b, sa, ca, sb, cb)
         slack = 0.5 * max(-curvature, 0.0) * length
         down, up = ga - slack, gb + slack  # slopes of f made convex: its tangents at a and b bound it from below
@@ -149,22 +150,22 @@ def _least_curvature(
 
 @njit
 def _derivatives_on_arc(
-    grid: Array, meta: Array, w: Array, i: int, j: int, s: float, length: float, sa: float, ca: float, sb: float, cb: float
-) -> Array:
+    grid: Array, meta: Array, w: Array, i: int, j: int, s: float, length: float, sa: float, ca: float, sb: float, cb: float,
+    derivatives: Array,
+) -> None:  # fmt: skip
     """Bound the spline's second derivatives over the part of a cell around an arc.
 
     Args:
         grid, meta: cubic terrain.
-        w: (WHEEL_SIZE,) wheel; DERIVATIVES_OF_TREAD and PATCH are scratch.
+        w: (WHEEL_SIZE,) wheel; PATCH is scratch.
         i, j: column and row of the cell.
         s: m, position of the rim along the axle.
         length: rad, the arc.
         sa, ca, sb, cb: sin φ and cos φ of its ends.
-
-    Returns:
-        (DERIVATIVES_SIZE,) lowest and highest second derivatives, 1/m, as `second_derivatives` fills them.
+        derivatives: (DERIVATIVES_SIZE,) filled with the lowest and highest second derivatives, 1/m, as `second_derivatives` fills
+            them.
     """
-    derivatives, patch = w[DERIVATIVES_OF_TREAD : DERIVATIVES_OF_TREAD + DERIVATIVES_SIZE], w[PATCH : PATCH + BOUNDS_SIZE]
+    patch = w[PATCH : PATCH + BOUNDS_SIZE]
     dx, dy, r = meta[META_DX], meta[META_DY], w[RADIUS]
     bulge = 0.125 * r * length * length  # no point of the arc is farther from its chord
     x, y = w[HX] + s * w[AX] - i * dx, w[HY] + s * w[AY] - j * dy
@@ -172,7 +173,6 @@ def _derivatives_on_arc(
     ya, yb = y + r * (sa * w[EY] - ca * w[UY]), y + r * (sb * w[EY] - cb * w[UY])
     west, east, south, north = min(xa, xb) - bulge, max(xa, xb) + bulge, min(ya, yb) - bulge, max(ya, yb) + bulge
     second_derivatives(grid, i, j, dx, dy, west, east, south, north, patch, derivatives)
-    return derivatives
 
 
 @njit

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import njit, owning_njit
 from ..model.ground import META_DX, META_DY, Ground
 from ..model.tolerances import GAP_TIE, NEARBY, ONE_CONTACT
 from ..model.wheel import AZ, COS, COSINE, EX, EY, GAP, HALF, HX, HY, PLACE, RADIUS, SIN, VX, VY, gap_at, tread_point
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 STEPS_PER_CELL = 8
 
 
-@njit
+@owning_njit
 def count_contacts(ground: Ground, w: Array, contacts: Array, count: int, keep: float) -> int:
     """Return the number of separate contacts of a tread.
 

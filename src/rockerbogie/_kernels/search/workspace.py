@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import owning_njit
 from ..jit.raw_views import unowned_view
 from ..model.wheel import CONTACT_SIZE, WHEEL_SIZE
 from .tread import ROOM
@@ -33,7 +33,7 @@ class Work(NamedTuple):
 WORK_SIZE = 30 + 9 + 12 + 6 * WHEEL_SIZE + 6 * CONTACT_SIZE + 36 + 6 + CONTACT_SIZE * (1 + ROOM)
 
 
-@njit
+@owning_njit
 def lay_out(buffer: Array) -> Work:
     """Return views into a buffer.
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import njit, owning_njit
 from .layout import COMPUTED, DRAWBAR, INVALID, L_KIND, OUT_OF_RANGE, SIDE, SINKAGE, SOIL, TORQUE
 from .simple import simple_forces
 from .sinkage import balanced_forces
@@ -62,7 +62,7 @@ def motion_forces(law: Array, load: float, rim: float, vx: float, vy: float, out
     return COMPUTED
 
 
-@njit
+@owning_njit
 def forces_batch(
     laws: Array, which: NDArray[np.int64], load: Array, slip: Array, slip_angle: Array, out: Array, status: NDArray[np.uint8],
     start: int, stop: int,
@@ -94,7 +94,7 @@ def forces_batch(
             out[k] = math.nan
 
 
-@njit
+@owning_njit
 def motion_batch(
     laws: Array, which: NDArray[np.int64], load: Array, rim: Array, vx: Array, vy: Array, out: Array, status: NDArray[np.uint8],
     start: int, stop: int,

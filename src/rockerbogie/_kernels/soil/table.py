@@ -17,7 +17,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import fma_njit
+from ..jit.decorators import fma_njit, owning_fma_njit
 from .forces import motion_of
 from .layout import COMPUTED, DRAWBAR, L_KIND, L_RADIUS, LAW_SIZE, OUT_OF_RANGE, OVERLOADED, SIDE, SINKAGE, SOIL, TORQUE
 from .simple import simple_forces
@@ -253,7 +253,7 @@ def table_forces(table: Array, load: float, slip: float, slip_angle: float, out:
     return found if code == COMPUTED or found == OVERLOADED else code
 
 
-@fma_njit
+@owning_fma_njit
 def table_batch(
     table: Array, load: Array, slip: Array, slip_angle: Array, out: Array, status: NDArray[np.uint8], start: int, stop: int
 ) -> None:
@@ -271,7 +271,7 @@ def table_batch(
         status[k] = table_forces(table, load[k], slip[k], slip_angle[k], out[k], space)
 
 
-@fma_njit
+@owning_fma_njit
 def motion_table_batch(
     table: Array, load: Array, rim: Array, vx: Array, vy: Array, out: Array, status: NDArray[np.uint8], start: int, stop: int
 ) -> None:

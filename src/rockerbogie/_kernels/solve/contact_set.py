@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import njit, owning_njit
 from ..model.linkage import P_BOX, P_RADIUS, Z, forward_kinematics, gap_jacobian_row
 from ..model.wheel import COSINE, GAP, HX, HY, HZ, PLACE, RADIUS, SIN, contact_slope, tread_point
 from ..search.body_box import box_over_ground
@@ -175,7 +175,7 @@ def shift_to_contact(q: Array, gap: Array, count: int, least: float) -> None:
         gap[k] -= least
 
 
-@njit
+@owning_njit
 def touch_down(site: Site, q: Array, full: bool, contacts: Contacts) -> tuple[int, int]:
     """Shift q's z so that the rover just touches, and list its near contacts.
 

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import njit, owning_njit
 from ..model.linkage import BOGIE_L, P_BODY, P_BOGIE, P_BOGIE_PIVOT, P_PIVOT, P_ROCKER, P_STOPS, P_WHEEL, PITCH, ROCKER, ROLL, Z
 from ..model.mass import centre_of_mass
 from ..model.wheel import COSINE, PLACE, SIN
@@ -167,7 +167,7 @@ def find_step(
     return size, pace
 
 
-@njit
+@owning_njit
 def let_down(site: Site, q: Array, six: SixWheels, contacts: Contacts, program: Program) -> tuple[int, int]:
     """Compute a first equilibrium by quasi-static descent from above.
 

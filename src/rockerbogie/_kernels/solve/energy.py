@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import inlined, njit
+from ..jit.decorators import inlined, njit, owning_njit
 from ..model.linkage import PITCH, ROLL, Z, forward_kinematics
 from ..model.mass import centre_of_mass
 from ..model.tolerances import MAX_RESIDUAL, MIN_ENERGY_DECREASE
@@ -168,7 +168,7 @@ def append_cuts(cuts: Contacts, cut: int, contacts: Contacts, count: int) -> int
     return count
 
 
-@njit
+@owning_njit
 def minimize_energy(site: Site, q: Array, report: Array, count: int, coverage: int, memory: Memory) -> int:
     """Move q to a minimum of the potential energy and compute the contact forces.
 

@@ -19,7 +19,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import inlined, njit
+from ..jit.decorators import inlined, njit, owning_njit
 from ..model.linkage import P_STOPS, PITCH, ROCKER, ROLL, Z
 from ..model.tolerances import MAX_RESIDUAL
 from ..model.wheel import COSINE, PLACE, SIN
@@ -35,7 +35,7 @@ from .six_wheels import SixWheels, leads_straight, list_six
 Array = NDArray[np.float64]
 
 
-@njit
+@owning_njit
 def find_six_wheels(site: Site, report: Array, six: SixWheels, contacts: Contacts, program: Program) -> None:
     """Check the balance of the pose of contact mode, and write its report.
 
@@ -58,7 +58,7 @@ def find_six_wheels(site: Site, report: Array, six: SixWheels, contacts: Contact
         classify_equilibrium(rover, six.q, contacts, force, count, report)
 
 
-@njit
+@owning_njit
 def settle_equilibrium(site: Site, q: Array, report: Array, six: SixWheels, memory: Memory) -> int:
     """Compute the equilibrium that the rover reaches on the descent from above.
 

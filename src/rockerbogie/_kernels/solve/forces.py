@@ -49,7 +49,9 @@ def contact_forces(rover: Array, q: Array, slope: Array, contacts: Contacts, cou
     bearing = 0
     for k in range(count):
         if gap[k] <= CONTACT_GAP:
-            n[bearing], b[bearing] = rows[k], 0.0
+            for c in range(6):
+                n[bearing, c] = rows[k, c]
+            b[bearing] = 0.0
             bearing += 1
     m = add_limits(rover, q, n, b, bearing)
     for i in range(6):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import njit, owning_njit
 
 Array = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ def reset_hessian(hessian: Array) -> None:
             hessian[i, j] = 0.5 if i == j else 0.0
 
 
-@njit
+@owning_njit
 def bfgs_update(hessian: Array, moved: Array, pull: Array, old_pull: Array) -> None:
     """Update the Hessian by Powell's damped BFGS formula.
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import inlined, njit
+from ..jit.decorators import inlined, njit, owning_njit
 from ..model.ground import META_CUBIC, META_DX, META_DY, META_MAX_CURVATURE, META_NX, META_NY, META_STEEP, Ground, surface
 from ..model.linkage import (
     BOGIE_L,
@@ -371,7 +371,7 @@ def beyond_stops(rover: Array, q: Array) -> bool:
     return False
 
 
-@njit
+@owning_njit
 def covered(ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, with_box: bool, work: Work) -> bool:
     """Return True if all treads of a pose lie over known terrain, and the box if it matters.
 

@@ -14,7 +14,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import inlined, njit
+from ..jit.decorators import inlined, njit, owning_njit
 from ..model.tolerances import CONSTRAINT_SLACK
 
 Array = NDArray[np.float64]
@@ -144,7 +144,7 @@ def first_to_drop(u: Array, r: Array, k_active: int) -> tuple[float, int]:
     return dual, drop
 
 
-@njit
+@owning_njit
 def solve_qp(inverse: Array, c: Array, n: Array, b: Array, count: int, d: Array, force: Array) -> bool:
     """Solve the quadratic program.
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import owning_njit
 from ..jit.raw_views import unowned_view
 from ..model.ground import Ground
 from ..search.box_points import NEAR_ROOM
@@ -64,7 +64,7 @@ MEMORY_SIZE = 7 * (ROWS + CUTS) + 8 * CONSTRAINTS + 36 + 6
 OWNERS = ROWS + CUTS
 
 
-@njit
+@owning_njit
 def lay_out_memory(buffer: Array, owners: NDArray[np.int64]) -> Memory:
     """Return views into two buffers.
 

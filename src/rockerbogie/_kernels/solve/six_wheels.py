@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import inlined, njit
+from ..jit.decorators import inlined, njit, owning_njit
 from ..jit.raw_views import unowned_view
 from ..model.ground import META_DX, META_DY, META_NX, META_NY, Ground, on_map
 from ..model.linkage import P_BOX, P_HALF, P_RADIUS, P_STOPS, ROCKER, Z, forward_kinematics, gap_jacobian_row
@@ -113,7 +113,7 @@ def gap_over_plane(wheel: Array, plane: Array, radius: float, half: float) -> fl
     return height - radius * math.sqrt(max(1.0 + gx * gx + gy * gy - along * along, 0.0)) - half * abs(along)
 
 
-@njit
+@owning_njit
 def wheel_shares(rows: Array, slope: Array, share: Array) -> float:
     """Compute the forces of six contacts, one a wheel, that balance the weight.
 
@@ -192,7 +192,7 @@ def box_is_clear(ground: Ground, rover: Array, axes: Array, x: float, y: float, 
     return True
 
 
-@njit
+@owning_njit
 def box_off_ground(ground: Ground, rover: Array, axes: Array, x: float, y: float, z: float) -> bool:
     """Return True if the body's box is over known terrain and not in contact with it.
 
@@ -285,7 +285,7 @@ def is_flat(rover: Array, a: Array, b: Array, share: float) -> bool:
     return worst < FLATNESS * share and turn < TURN * share
 
 
-@njit
+@owning_njit
 def describe_pose(site: Site, q: Array, wheels: Array, rows: Array) -> float:
     """Write the wheels of a pose, and compute the smallest of six forces that balance there.
 
@@ -342,7 +342,7 @@ def leads_straight(site: Site, q: Array, six: SixWheels) -> bool:
     return is_flat(rover, six.here, six.midway, 0.5 * share) and is_flat(rover, six.midway, six.wheels, 0.5 * share)
 
 
-@njit
+@owning_njit
 def leads_to(site: Site, q: Array, slope: Array, six: SixWheels) -> bool:
     """Return True if the descent leads from a pose to the six-wheel equilibrium.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import owning_njit
 from .balance import EQUATIONS
 from .cones import add_cone, inside
 from .least_norm import factor, solve_factored
@@ -19,7 +19,7 @@ SPREAD = 1e4  # of the weight: forces beyond it wedge the rover between its cont
 CENTRED, WEDGED, NO_CENTRE = range(3)
 
 
-@njit
+@owning_njit
 def centre(columns: Array, count: int, extra: Array, more: int, b: Array, mu: float, f: Array, y: Array, v: Array) -> int:
     """Move the forces to the analytic centre of those that balance b in their cones.
 

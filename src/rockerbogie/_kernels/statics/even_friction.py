@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import owning_njit
 from .least_norm import least_norm
 
 Array = NDArray[np.float64]
@@ -18,7 +18,7 @@ LIGHT = 0.03  # of the weight: normal forces below it count as this
 LEAST_SHARE = 1e-4
 
 
-@njit
+@owning_njit
 def even_friction(columns: Array, count: int, extra: Array, more: int, b: Array, f: Array, y: Array) -> float:
     """Fill forces that balance b with about the least friction, by reweighted least squares.
 

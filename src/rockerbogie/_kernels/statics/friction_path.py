@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import owning_njit
 from .balance import EQUATIONS
 from .cones import add_cone, contact_velocities, inside, scale_cone, unscale_cone
 from .least_norm import factor, solve_factored, unbalanced
@@ -19,7 +19,7 @@ ITERATIONS = 40
 HELD, UNHELD, UNFINISHED, OFF_PATH = range(4)
 
 
-@njit
+@owning_njit
 def follow_path(
     columns: Array, count: int, extra: Array, more: int, b: Array, mu: float, f: Array, y: Array, v: Array
 ) -> tuple[float, int, int]:

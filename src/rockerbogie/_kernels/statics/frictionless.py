@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import njit, owning_njit
 from .balance import EQUATIONS
 from .lane_problem import has_lines
 from .least_norm import factor, solve_factored
@@ -19,7 +19,7 @@ MOST = 6  # unknown forces that the six equations of a held position and heading
 BALANCED = 1e-9  # of the weight: residual of forces that balance
 
 
-@njit
+@owning_njit
 def line_support_batch(
     rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, span: Array, stops: NDArray[np.int8],
     belly_point: Array, belly_normal: Array, force: Array, belly: Array, start: int, stop: int,

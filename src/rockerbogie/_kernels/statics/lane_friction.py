@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import njit, owning_njit
 from ..jit.vectors import LANES
 from .balance import EQUATIONS as BALANCE_EQUATIONS
 from .lane_problem import (
@@ -46,7 +46,7 @@ ROUNDING = 1e-9  # taken from a proved coefficient, for the rounding of velociti
 UNSOLVED = 255
 
 
-@njit
+@owning_njit
 def friction_batch(
     rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, span: Array,
     stops: NDArray[np.int8], belly_point: Array, field: Array, drawbar: Array, gap: float,
@@ -164,7 +164,7 @@ def _free(t: Block, l: int) -> None:
     lanes[PROBLEM.free * LANES + l], t.on_path[l] = 1.0, True
 
 
-@njit
+@owning_njit
 def _finish(
     t: Block, l: int, field: Array, gap: float,
     force: Array, torque: Array, required: Array, bound: Array, limit: Array, belly: Array, status: NDArray[np.uint8],

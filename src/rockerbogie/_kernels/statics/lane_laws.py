@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import owning_njit
 from ..jit.raw_views import unowned_view
 from ..jit.vectors import LANES, larger, on_lanes, root, smaller, where
 from ..model.linkage import P_RADIUS
@@ -163,7 +163,7 @@ vertical = on_lanes(_vertical)
 equal_torque = on_lanes(_equal_torque, numbers=True)
 
 
-@njit
+@owning_njit
 def law_batch(
     rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, stops: NDArray[np.int8],
     belly_point: Array, field: Array, drawbar: Array, torques: bool, pull: float,

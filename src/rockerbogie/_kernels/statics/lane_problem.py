@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import inlined, njit
+from ..jit.decorators import inlined, njit, owning_njit
 from ..jit.raw_views import unowned_view
 from ..jit.vectors import LANES
 from .lane_pose import load_poses, rover_mass
@@ -65,7 +65,7 @@ FIRST, COUNT, NEXT, AFTER, CAPACITY = range(5)
 ANY, POINTS, LINES = range(3)  # poses to take: all, those whose contacts are points, those with a line
 
 
-@njit
+@owning_njit
 def new_block(rover: Array, first: int, room: int) -> Block:
     """Return work arrays.
 
@@ -83,7 +83,7 @@ def new_block(rover: Array, first: int, room: int) -> Block:
     )  # fmt: skip
 
 
-@njit
+@owning_njit
 def block_view(t: Block) -> Block:
     """Return unowned views of work arrays: passing them on counts no references.
 

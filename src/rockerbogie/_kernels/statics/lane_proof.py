@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import inlined, njit
+from ..jit.decorators import inlined, njit, owning_njit
 from ..jit.vectors import LANES
 from .balance import EQUATIONS as BALANCE_EQUATIONS
 from .lane_problem import CAPACITY, Block
@@ -85,7 +85,7 @@ def contact_velocity(t: Block, l: int, v: Array, i: int, s: float, u: Array) -> 
     return along
 
 
-@njit
+@owning_njit
 def proved(t: Block, l: int, v: Array) -> float:
     """Return the friction coefficient that a motion proves too small, or 0 (docs/forces.md).
 
@@ -114,7 +114,7 @@ def proved(t: Block, l: int, v: Array) -> float:
     return least if good and least > 0.0 else 0.0
 
 
-@njit
+@owning_njit
 def wide_bound(t: Block, l: int, gap: float) -> float:
     """Return the coefficient that a motion shifted at a smaller one proves too small, or 0.
 

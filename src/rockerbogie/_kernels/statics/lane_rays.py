@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import inlined, njit
+from ..jit.decorators import inlined, njit, owning_njit
 from ..jit.raw_views import unowned_view
 from ..jit.vectors import LANES, on_lanes, root, where
 from .cone_scaling import Vector
@@ -184,7 +184,7 @@ class Rays(NamedTuple):
     kept_best: Array  # (LANES,) `best` at its end; inf: none is stored
 
 
-@njit
+@owning_njit
 def new_rays() -> Rays:
     """Return rays of idle lanes."""
     return Rays(

@@ -15,7 +15,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import inlined, njit
+from ..jit.decorators import inlined, njit, owning_njit
 from ..jit.vectors import LANES
 from .lane_problem import (
     CENTRE_STEPS,
@@ -84,7 +84,7 @@ def margin_batch(
         )  # fmt: skip
 
 
-@njit
+@owning_njit
 def _solve(
     rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, span: Array,
     stops: NDArray[np.int8], belly_point: Array, friction: float, tolerance: float, margin: Array, bound: Array, direction: Array,

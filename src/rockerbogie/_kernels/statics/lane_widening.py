@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import njit, owning_njit
 from ..jit.vectors import LANES
 from .balance import EQUATIONS as BALANCE_EQUATIONS
 from .lane_friction import UNSOLVED, WIDEST, friction_used, set_balance, store_forces
@@ -68,7 +68,7 @@ CLOSE = 3.0  # of `gap`: difference of the bounds of μ at which bisection ends
 HOLDS, FAILS, OPEN = range(3)
 
 
-@njit
+@owning_njit
 def widen_batch(
     rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, span: Array,
     stops: NDArray[np.int8], belly_point: Array, field: Array, drawbar: Array, gap: float,

@@ -18,7 +18,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import njit, owning_njit
 from .balance import EQUATIONS
 
 Array = NDArray[np.float64]
@@ -69,7 +69,7 @@ def solve_linear(a: Array, b: Array, n: int) -> bool:
     return True
 
 
-@njit
+@owning_njit
 def solve_with_multipliers(a: Array, b: Array, n: int, first: int) -> bool:
     """Solve a x = b by elimination with full pivoting, where equations may depend on each other.
 
@@ -122,7 +122,7 @@ def solve_with_multipliers(a: Array, b: Array, n: int, first: int) -> bool:
     return True
 
 
-@njit
+@owning_njit
 def parallel_forces(columns: Array, count: int, frame: Array, gx: float, gy: float, gz: float, b: Array, n: Array) -> bool:
     """Fill the sizes of contact forces that are all parallel to gravity and balance b.
 
@@ -191,7 +191,7 @@ def spring_sides(columns: Array, forward: Array, k: int, matrix: Array, weight: 
         matrix[k, 8] += weight[i] * forward[i] * columns[i, 2, k]
 
 
-@njit
+@owning_njit
 def equal_slip(columns: Array, forward: Array, b: Array, f: Array) -> bool:
     """Fill the forces of six wheels at equal slip: t = κ n, s = (λ + ω x) n.
 
@@ -234,7 +234,7 @@ def equal_slip(columns: Array, forward: Array, b: Array, f: Array) -> bool:
     return False
 
 
-@njit
+@owning_njit
 def frictionless_sides(columns: Array, count: int, b: Array, f: Array) -> bool:
     """Fill the forces without side forces whose tractions have the least sum of squares.
 

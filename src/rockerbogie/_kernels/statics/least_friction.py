@@ -20,7 +20,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import njit, owning_njit
 from .analytic_centre import CENTRED, NO_CENTRE, centre
 from .balance import EQUATIONS
 from .cones import contact_velocities, inside
@@ -83,7 +83,7 @@ def least_friction(
     return mu, UNFINISHED, total
 
 
-@njit
+@owning_njit
 def lower_bound(columns: Array, count: int, extra: Array, more: int, b: Array, mu: float, v: Array) -> float:
     """Return a friction coefficient proved too small, just below a minimum found.
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import njit, owning_njit
 from .balance import EQUATIONS
 
 Array = NDArray[np.float64]
@@ -61,7 +61,7 @@ def solve_factored(a: Array, n: int, x: Array) -> None:
         x[i] = s / a[i, i]
 
 
-@njit
+@owning_njit
 def least_norm(
     columns: Array, count: int, extra: Array, more: int, b: Array, weight: Array, extra_weight: Array, f: Array, y: Array
 ) -> bool:
@@ -127,7 +127,7 @@ def unbalanced(columns: Array, count: int, extra: Array, more: int, b: Array, f:
             short[k] -= extra[e, k] * y[e]
 
 
-@njit
+@owning_njit
 def balance_exactly(columns: Array, count: int, extra: Array, more: int, b: Array, f: Array, y: Array) -> None:
     """Remove what rounding has left unbalanced, by the least relative change of the forces.
 

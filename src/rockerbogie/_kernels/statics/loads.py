@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import inlined, njit
+from ..jit.decorators import inlined, owning_njit
 from ..jit.raw_views import unowned_view
 from ..model.ground import META_X, META_Y, META_Z, Ground, surface
 from ..model.linkage import P_BOX, P_HALF, PITCH, ROLL, Z, body_axes, forward_kinematics, set_hub_offsets
@@ -37,7 +37,7 @@ TOUCHING = 1e-6  # m: gap of a belly contact
 FLUSH = 1e-8  # m: largest difference of the gaps along a contact line
 
 
-@njit
+@owning_njit
 def belly_batch(
     ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, q: Array, wanted: NDArray[np.bool_],
     point: Array, normal: Array, start: int, stop: int,
@@ -71,7 +71,7 @@ def belly_batch(
             normal[k, j, 0], normal[k, j, 1], normal[k, j, 2] = -near[j, N_GX] / size, -near[j, N_GY] / size, 1.0 / size
 
 
-@njit
+@owning_njit
 def span_batch(
     ground: Ground, rover: Array, x: Array, y: Array, yaw: Array, steering: Array, q: Array, point: Array, span: Array,
     start: int, stop: int,
@@ -118,7 +118,7 @@ def span_batch(
                 point[k, i, 2] -= along * w[AZ]
 
 
-@njit
+@owning_njit
 def loads_batch(
     rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, span: Array,
     stops: NDArray[np.int8], belly_point: Array, belly_normal: Array, field: Array, drawbar: Array, law: int, gap: float,
@@ -265,7 +265,7 @@ def upright(normal: Array, gx: float, gy: float, gz: float) -> float:
     return -(gx * normal[0] + gy * normal[1] + gz * normal[2]) / math.sqrt(gx * gx + gy * gy + gz * gz)
 
 
-@njit
+@owning_njit
 def stability_batch(
     rover: Array, yaw: Array, steering: Array, q: Array, point: Array, normal: Array, span: Array,
     stops: NDArray[np.int8], belly_point: Array, belly_normal: Array, friction: float, tolerance: float,

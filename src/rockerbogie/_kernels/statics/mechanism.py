@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import njit, owning_njit
 from ..model.linkage import P_RADIUS, Z, forward_kinematics, set_hub_offsets
 from ..model.wheel import WHEEL_SIZE
 from .balance import EQUATIONS, contact_columns, force_column, weight_column
@@ -39,7 +39,7 @@ class Mechanism(NamedTuple):
     loose_frame: Array
 
 
-@njit
+@owning_njit
 def new_mechanism() -> Mechanism:
     """Return empty work arrays."""
     return Mechanism(
@@ -49,7 +49,7 @@ def new_mechanism() -> Mechanism:
     )  # fmt: skip
 
 
-@njit
+@owning_njit
 def assemble(
     m: Mechanism, rover: Array, yaw: float, steering: Array, q: Array, point: Array, normal: Array,
     stops: NDArray[np.int8], belly_point: Array, belly_normal: Array,

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import njit, owning_njit
 from .balance import EQUATIONS
 from .cones import contact_velocities
 from .least_norm import factor, solve_factored
@@ -53,7 +53,7 @@ class Work(NamedTuple):
     q: Array  # (SIZE,)
 
 
-@njit
+@owning_njit
 def new_work() -> Work:
     """Return empty work arrays."""
     rows = 6 + EXTRA + 1
@@ -263,7 +263,7 @@ def climb(travel: Array, v: Array, way: Array) -> float:
     return math.asin(way[2] / size) if size > 0.0 else math.nan
 
 
-@njit
+@owning_njit
 def hold_margin(
     m: Mechanism, count: int, more: int, travel: Array, friction: float, way: Array, stays: NDArray[np.bool_]
 ) -> tuple[float, bool]:

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import njit, owning_njit
 from .box import bound_box
 from .patch import (
     AMPLITUDE,
@@ -323,7 +323,7 @@ def prepare_patch(field: Field, patch: Array, w: Array, heap: Array, tolerance: 
     return ON_MAP + (KNOWN if known else 0) + (CLOSED if certain else 0)
 
 
-@njit
+@owning_njit
 def verify_batch(
     grid: Array,
     meta: Array,
