@@ -10,10 +10,11 @@ reproduce: .venv/run.stamp  ## the paper's section III: figures, data and report
 	$(BIN)/rockerbogie reproduce -o $(OUT)
 
 # two processes of `rockerbogie compile` share the kernels; two of pytest would both compile those that many tests need
+# in plain Python, only files with such tests are collected: importing all files takes several times as long as these tests
 test: .venv/dev.stamp  ## all tests, then those marked nojit again in plain Python
 	$(BIN)/rockerbogie compile
 	$(BIN)/python -m pytest -n auto
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n auto -m nojit
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n auto -m nojit $$(grep -rl --include='*.py' 'mark\.nojit' tests)
 
 test-oldest: .venv-oldest/stamp  ## kernels with the oldest supported numba; test has the newest
 	.venv-oldest/bin/rockerbogie compile

@@ -15,6 +15,7 @@ from PIL import Image
 
 import rockerbogie as rb
 from rockerbogie.files.outputs import is_ours
+from support.pictures import count_colours
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +49,7 @@ DRAWINGS: dict[str, Draw] = {
 def test_drawings(name: str, rover: rb.Rover, ground: rb.Terrain, run: xr.Dataset, tmp_path: Path) -> None:
     assert isinstance(DRAWINGS[name](rover, ground, run, None), Figure)
     DRAWINGS[name](rover, ground, run, tmp_path / "made" / "a.png")
-    assert len(np.unique(imread(tmp_path / "made" / "a.png")[..., :3].reshape(-1, 3), axis=0)) > 100
+    assert count_colours(tmp_path / "made" / "a.png") > 100
     assert is_ours(tmp_path / "made" / "a.png")
     for ending, start in ((".svg", b"<?xml"), (".pdf", b"%PDF")):
         file = tmp_path / f"a{ending}"

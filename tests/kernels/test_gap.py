@@ -61,7 +61,7 @@ def test_the_oracle_s_bracket_contains_the_minimum_of_dense_samples(interpolatio
         least = oracle.least_gap(ground, wheels, BRACKET)
         phi, side = (a.ravel() for a in np.meshgrid(np.linspace(-np.pi, np.pi, 3001), np.linspace(-1, 1, 121)))
         for i in range(0, 24, 5):
-            point = wheels.take(np.full(phi.size, i)).tread(phi, side * wheels.half[i])[0]
+            point = wheels.take([i]).tread(phi, side * wheels.half[i])[0]
             dense = (point[:, 2] - ground.height(point[:, 0], point[:, 1])).min()
             assert -BRACKET <= dense - least.gap[i] < 0.02, f"{kind}: {dense} sampled, {least.gap[i]} by the oracle"
 

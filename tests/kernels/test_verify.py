@@ -34,7 +34,7 @@ def sampled(pose: rb.Pose) -> np.ndarray:
     """Return the lowest (tread z − terrain z) (n, 6) of dense samples of each tread, m."""
     wheels, out = wheels_of(pose), []
     for i in range(6 * pose.status.size):
-        point = wheels.take(np.full(PHI.size, i)).tread(PHI.ravel(), SIDE.ravel() * wheels.half[i])[0]
+        point = wheels.take([i]).tread(PHI.ravel(), SIDE.ravel() * wheels.half[i])[0]
         out.append((point[:, 2] - pose.terrain.height(point[:, 0], point[:, 1])).min())
     return np.reshape(out, (-1, 6))
 
@@ -147,7 +147,7 @@ def test_penetration_of_a_crest_narrower_than_a_cell_is_that_sampled_on_scipy_s_
         assert v.complete.all()
         wheels = wheels_of(pose)
         for i in range(18):
-            p = wheels.take(np.full(PHI.size, i)).tread(PHI.ravel(), SIDE.ravel() * wheels.half[i])[0]
+            p = wheels.take([i]).tread(PHI.ravel(), SIDE.ravel() * wheels.half[i])[0]
             lowest = (p[:, 2] - f.ev(p[:, 1], p[:, 0])).min()
             assert -1e-11 <= lowest - v.gap_low.ravel()[i] <= 0.02
 

@@ -1,4 +1,4 @@
-"""Installs from a built wheel and from an sdist, in clean environments without extras.
+"""Installs from an sdist and from a built wheel, in a clean environment without extras.
 
 The tests need the network for the package's dependencies; without it they are skipped. Compiled kernels are read from the
 checkout's own cache: its key is the contents of the kernel sources, so that this also checks that they are installed unchanged.
@@ -61,12 +61,15 @@ print(*(status.name for message in found[:1] for status in message.status), sep=
 STL = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\n"
 
 
-def run(*command: str | Path, check: bool = True, **environment: str) -> subprocess.CompletedProcess[str]:
-    """Run a command without the checkout on its path."""
+def run(
+    *command: str | Path, check: bool = True, cwd: Path | None = None, **environment: str
+) -> subprocess.CompletedProcess[str]:
+    """Run a command without the checkout on its path, and with caches of bytecode."""
     clean = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "NUMBA", "VIRTUAL_ENV"))}
     done = subprocess.run(
         [str(part) for part in command],
         check=False,
+        cwd=cwd,
         capture_output=True,
         text=True,
         env=clean | environment,
@@ -129,37 +132,35 @@ def files_of(package: Path) -> set[str]:
     return {str(file.relative_to(package)) for file in package.rglob("*") if file.is_file() and "__pycache__" not in file.parts}
 
 
-@pytest.mark.parametrize("kind", ["wheel", "sdist"])
-def test_installed_package_settles_and_names_missing_extras(kind: str, tmp_path: Path) -> None:
+def test_installed_package_settles_and_names_missing_extras(tmp_path: Path) -> None:
     tools, python = (make_environment(tmp_path / name) for name in ("tools", "clean"))
     skip_without_network(tools, tmp_path / "downloaded")
-    built = build(tools, kind, tmp_path)
     same = [f"{name}=={version(name)}" for name in ("numba", "llvmlite")]  # of the kernels in the cache
-    run(python, "-m", "pip", "install", "-q", "--no-compile", built, *same)
-
     cache, work = str(cache_folders()[-1].parent), tmp_path / "work"
     work.mkdir()
-    done = run(python, "-c", SETTLE, NUMBA_CACHE_DIR=cache)
-    file, z, pitch = done.stdout.split()
-    package = Path(file).parent
-    assert package.is_relative_to(tmp_path / "clean"), "the installed package is imported, not the checkout"
-    assert files_of(package) == files_of(ROOT / "src" / "rockerbogie"), "every file of the package is installed"
     here = rb.settle(rb.load_rover("curiosity"), rb.surfaces.mars(seed=1), *PLACE)
-    np.testing.assert_array_equal([float.fromhex(z), float.fromhex(pitch)], [here.z, here.pitch])
 
     def cli(line: str) -> subprocess.CompletedProcess[str]:
-        command, environment = [python.with_name("rockerbogie"), *line.split()], os.environ | {"NUMBA_CACHE_DIR": cache}
-        return subprocess.run(command, check=False, cwd=work, capture_output=True, text=True, timeout=PATIENCE, env=environment)
+        return run(python.with_name("rockerbogie"), *line.split(), check=False, cwd=work, NUMBA_CACHE_DIR=cache)
 
-    told = cli("--help")
-    assert told.returncode == 0
-    assert "settle" in told.stdout
-    assert cli("--version").stdout.strip() == version("rockerbogie")
-    settled = cli("settle -t surface:mars --at 1,2")
-    assert settled.returncode == 0, settled.stderr
-    assert "pitch" in settled.stdout
-    if kind == "sdist":
-        return  # the same files: extras are tried once
+    for kind in ("sdist", "wheel"):  # one after the other: installing the dependencies takes longest
+        built = build(tools, kind, tmp_path / kind)
+        run(python, "-m", "pip", "uninstall", "-q", "-y", "rockerbogie")
+        assert not list((tmp_path / "clean").rglob("rockerbogie")), "nothing is left of the install before"
+        run(python, "-m", "pip", "install", "-q", "--no-compile", built, *same)
+        done = run(python, "-c", SETTLE, NUMBA_CACHE_DIR=cache)
+        file, z, pitch = done.stdout.split()
+        package = Path(file).parent
+        assert package.is_relative_to(tmp_path / "clean"), "the installed package is imported, not the checkout"
+        assert files_of(package) == files_of(ROOT / "src" / "rockerbogie"), "every file of the package is installed"
+        np.testing.assert_array_equal([float.fromhex(z), float.fromhex(pitch)], [here.z, here.pitch])
+        told = cli("--help")
+        assert told.returncode == 0
+        assert "settle" in told.stdout
+        assert cli("--version").stdout.strip() == version("rockerbogie")
+        settled = cli("settle -t surface:mars --at 1,2")
+        assert settled.returncode == 0, settled.stderr
+        assert "pitch" in settled.stdout
 
     for name in ("dem.tif", "route.gpkg", "map.tif", "area.geojson", "log.mcap", "log.db3"):
         (work / name).write_bytes(b"x")

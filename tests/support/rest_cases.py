@@ -36,22 +36,29 @@ def solids(size: float, seed: int) -> Ground:
     rng = np.random.default_rng(seed)
     cell = size / CELLS
     axis = cell * np.arange(CELLS + 1) - size / 2
-    x, y = np.meshgrid(axis, axis)
-    z = np.zeros_like(x)
+    z = np.zeros((CELLS + 1, CELLS + 1))
+
+    def patch(at: np.ndarray, half: np.ndarray) -> tuple[tuple[slice, slice], np.ndarray, np.ndarray]:
+        """Return the nodes of `z` within `half` and a cell of `at`, and their x (1, n) and y (m, 1)."""
+        i, j = (slice(*np.searchsorted(axis, (low, high))) for low, high in zip(at - half - cell, at + half + cell, strict=True))
+        return (j, i), axis[None, i], axis[j, None]
+
     geoms: list[dict[str, Any]] = [{"type": "plane", "size": [0, 0, 1], "pos": [0, 0, 0]}]
     for _ in range(60):
         at = rng.uniform(-0.45, 0.45, 2) * size
         half = rng.uniform(0.015, 0.05, 2) * size
         high = rng.uniform(0.3, 0.8) * half.min()
+        nodes, x, y = patch(at, half)
         inside = 1 - ((x - at[0]) / half[0]) ** 2 - ((y - at[1]) / half[1]) ** 2
-        z = np.maximum(z, high * (np.sqrt(np.maximum(inside, 0)) - SUNK))
+        z[nodes] = np.maximum(z[nodes], high * (np.sqrt(np.maximum(inside, 0)) - SUNK))
         geoms.append({"type": "ellipsoid", "size": [*half, high], "pos": [*at, -SUNK * high]})
     for _ in range(25):  # edges lie on grid lines, so that the sampled edge equals the solid one
         at = cell * np.round(rng.uniform(-0.45, 0.45, 2) * size / cell)
         half = cell * np.round(rng.uniform(0.01, 0.05, 2) * size / cell)
         height = rng.uniform(0.002, 0.012) * size
+        nodes, x, y = patch(at, half)
         over = (np.abs(x - at[0]) <= half[0] + 1e-9) & (np.abs(y - at[1]) <= half[1] + 1e-9)
-        z = np.where(over, np.maximum(z, height), z)
+        z[nodes] = np.where(over, np.maximum(z[nodes], height), z[nodes])
         foot = half + cell
         corners = [[sx * h[0], sy * h[1], up] for h, up in ((foot, 0.0), (half, height)) for sx in (-1, 1) for sy in (-1, 1)]
         geoms.append({"type": "mesh", "vertices": corners, "pos": [*at, 0.0]})

@@ -162,8 +162,8 @@ def _derivatives_on_arc(
         s: m, position of the rim along the axle.
         length: rad, the arc.
         sa, ca, sb, cb: sin φ and cos φ of its ends.
-        derivatives: (DERIVATIVES_SIZE,) filled with the lowest and highest second derivatives, 1/m, as `second_derivatives` fills
-            them.
+        derivatives: (DERIVATIVES_SIZE,) filled with the lowest and highest second derivatives, 1/m, as `second_derivatives`
+            fills them.
     """
     patch = w[PATCH : PATCH + BOUNDS_SIZE]
     dx, dy, r = meta[META_DX], meta[META_DY], w[RADIUS]
