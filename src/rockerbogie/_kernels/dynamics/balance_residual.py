@@ -2,7 +2,7 @@
 
 Unknowns are the rates w of x, y and yaw and one number a of each contact. The load is n = (a + √(a² + 4 σ²)) / 2 times the
 weight, and the lift rate is u = (√(a² + 4 σ²) − a) / 2 times the reference speed. Their product n u is σ²: for σ → 0 a wheel is
-either loaded or lifts.
+either loaded or lifts. A wheel off the ground has no load (σ²) and the lift rate −a.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ class Law(NamedTuple):
     rim: Array  # (6,) commanded rim speeds, m/s
     limit: Array  # (6,) torque limits over the weight, m
     speed: float  # reference speed, m/s
+    free: Array  # (6,) 1 for a wheel off the ground, which has no load and moves up or down freely; else 0
 
 
 class Motion(NamedTuple):
@@ -156,8 +157,12 @@ def residual_at(
         big = 0.5 * (abs(z[FREE + i]) + root)
         other = sigma * sigma / big
         m.load[i], lift = (big, other) if z[FREE + i] >= 0.0 else (other, big)
-        y[FREE + i] = law.speed * lift
-        m.slope[i, 0], m.slope[i, 1] = m.load[i] / root, -law.speed * lift / root
+        if law.free[i] == 0.0:
+            y[FREE + i] = law.speed * lift
+            m.slope[i, 0], m.slope[i, 1] = m.load[i] / root, -law.speed * lift / root
+        else:
+            m.load[i], y[FREE + i] = sigma * sigma, -law.speed * z[FREE + i]
+            m.slope[i, 0], m.slope[i, 1] = 0.0, -law.speed
     copy_numbers(s.pull, r)
     J[:] = 0.0
     for i in range(6):

@@ -29,9 +29,12 @@ TRACKED_GAP = 1e-8  # m: a gap at the end of a solve whose treads are not search
 
 @njit
 def settle_near(
-    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, anew: bool, search: bool, work: Work
-) -> bool:
-    """Solve for six zero gaps by Newton's method from a pose nearby.
+    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, anew: bool, search: bool, raised: Array,
+    work: Work,
+) -> bool:  # fmt: skip
+    """Solve for six gaps by Newton's method from a pose nearby.
+
+    Contacts are searched with each wheel lowered by the gap that it is to have.
 
     Args:
         ground: terrain.
@@ -41,8 +44,9 @@ def settle_near(
         q: (6,) start, replaced by the pose.
         anew: True if contacts may have left their cells: on bilinear terrain, whole treads are searched first.
         search: True to search the whole treads at the end; False to rely on the tracked contacts.
+        raised: (6,) gaps of the pose, m.
         work: work.touch holds the contacts near the pose, work.hub_offsets the steering; touch, wheels, axes and pivots are
-            left at the pose.
+            left at the pose, wheels lowered by `raised`.
 
     Returns:
         False if no pose was found, or if a tread lies over the map's edge or missing data.
@@ -55,6 +59,8 @@ def settle_near(
     while steps <= TRACKED and searches < SEARCHES:
         if not forward_kinematics(rover, work.hub_offsets, x, y, cy, sy, q, axes, pivots, wheels):
             return False
+        for i in range(6):
+            wheels[i, HZ] -= raised[i]
         worst = 0.0
         for i in range(6):
             t = touch[i]
@@ -92,7 +98,7 @@ def settle_near(
             px, py, pz = tread_point(w, t[SIN], t[COSINE], t[PLACE])
             gx, gy = contact_slope(grid, meta, w, t[SIN], t[COSINE], t[PLACE])
             gap_jacobian_row(
-                rover, q, cy, sy, axes, pivots, i, w[HX] - x + px, w[HY] - y + py, w[HZ] - q[Z] + pz, gx, gy, rows[i]
+                rover, q, cy, sy, axes, pivots, i, w[HX] - x + px, w[HY] - y + py, w[HZ] + raised[i] - q[Z] + pz, gx, gy, rows[i]
             )
             step[i] = -t[GAP]
         if not solve_linkage(rows, step):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +12,11 @@ from ..jit.raw_views import unowned_view
 from ..model.ground import META_CUBIC, META_X, META_Y, META_Z, Ground, borrow
 from ..model.linkage import P_RADIUS, Z, set_hub_offsets
 from ..model.mass import centre_of_mass
-from ..model.wheel import CONTACT_SIZE
 from ..search.workspace import WORK_SIZE, Work, lay_out
 from ..solve.newton import CONVERGED, NOT_CONVERGED, beyond_stops, settle_contact
 from .balance_residual import MOTION_SIZE, Law, Motion, new_motion, reset_motion
 from .contact_law import FORCE, OVERLOAD, RIM, SINKAGE, TORQUE
+from .drive_state import STATE_SIZE, Drive, State, any_free, keep, new_state, restore, set_on_ground, set_raised
 from .equilibrium_motion import solve_motion
 from .linear import copy_numbers
 from .near import settle_near
@@ -55,81 +54,6 @@ R_SIZE = 83
 
 DEEPEST = 12  # halvings of a step
 RETRIES = 4  # halvings of a step without a solution, where no tolerance is given
-
-
-class Drive(NamedTuple):
-    """Settings of one drive."""
-
-    friction: float  # coefficient; on soil, of the start of a solve
-    soil: bool  # True if wheel forces are tabulated
-    tables: Array  # (m, size) packed tables
-    table_of: NDArray[np.int64]  # (6,) table of each wheel
-    gravity: float  # m/s²
-    torque: Array  # (6,) torque limits, N m
-    reference: float  # m/s, fastest commanded rim speed
-
-
-class State(NamedTuple):
-    """Work arrays of one drive at one station."""
-
-    station: Array  # (21,) the next six
-    place: Array  # (3,) x, y, m from the map's first node, and yaw, rad
-    q: Array  # (6,) pose
-    rates: Array  # (6,) of the pose
-    w: Array  # (3,) rates of x, y and yaw
-    power: Array  # (2,) of the motors and dissipated, W
-    height: Array  # (1,) of the centre of mass, m
-    rim: Array  # (6,) commanded rim speeds, m/s
-    limit: Array  # (6,) torque limits over the weight, m
-    slope: Array  # (6,) scratch
-    kept: Array  # (KEPT,) an earlier station
-    total: Array  # (5,) sums of the stages: w and power
-
-
-KEPT = 3 + 6 + 6 + 3 + 2 + 1 + 6 * CONTACT_SIZE + 9
-STATE_SIZE = 3 + 6 + 6 + 3 + 2 + 1 + 6 + 6 + 6 + KEPT + 5
-
-
-@owning_njit
-def new_state(buffer: Array) -> State:
-    """Return work arrays as unowned views into a buffer.
-
-    Args:
-        buffer: (STATE_SIZE,) memory; the caller must keep it alive.
-    """
-    b = unowned_view(buffer)
-    return State(
-        b[:21], b[:3], b[3:9], b[9:15], b[15:18], b[18:20], b[20:21], b[21:27], b[27:33], b[33:39], b[39 : 39 + KEPT],
-        b[39 + KEPT : 44 + KEPT],
-    )  # fmt: skip
-
-
-@njit
-def keep(state: State, work: Work, m: Motion) -> None:
-    """Copy a station to `state.kept`.
-
-    Args:
-        state, work, m: of the station.
-    """
-    kept = state.kept
-    copy_numbers(state.station, kept[:21])
-    copy_numbers(m.z, kept[21:30])
-    for i in range(6):
-        copy_numbers(work.touch[i], kept[30 + CONTACT_SIZE * i : 30 + CONTACT_SIZE * (i + 1)])
-
-
-@njit
-def restore(state: State, work: Work, m: Motion) -> None:
-    """Return to the station in `state.kept`.
-
-    Args:
-        state, work, m: filled.
-    """
-    kept = state.kept
-    copy_numbers(kept[:21], state.station)
-    copy_numbers(kept[21:30], m.z)
-    for i in range(6):
-        copy_numbers(kept[30 + CONTACT_SIZE * i : 30 + CONTACT_SIZE * (i + 1)], work.touch[i])
 
 
 @njit
@@ -180,13 +104,19 @@ def evaluate(
         CONVERGED, another status code, NO_BALANCE or OVERLOADED; number of Newton steps of the balance.
     """
     x, y, cy, sy = state.place[0], state.place[1], math.cos(state.place[2]), math.sin(state.place[2])
-    if math.isnan(state.q[Z]) or not settle_near(ground, rover, x, y, cy, sy, state.q, anew, search, work):
+    if math.isnan(state.q[Z]) or not settle_near(ground, rover, x, y, cy, sy, state.q, anew, search, state.raised, work):
+        if any_free(state.free):
+            return NOT_CONVERGED, 0
+        set_on_ground(state)
         code, _ = settle_contact(ground, rover, x, y, cy, sy, 0, state.q, work)
         if math.isnan(state.q[Z]):
             return code, 0
-    if search and beyond_stops(rover, state.q):
-        return 3, 0
-    weight = balance_at(ground, rover, x, y, cy, sy, state.q, drive.gravity, drive.soil or search, work, s)
+    if search:
+        if beyond_stops(rover, state.q):
+            return 3, 0
+        height = centre_of_mass(rover, work.hub_offsets, state.q, cy, sy, work.axes, work.pivots, state.slope)
+        state.height[0] = state.q[Z] + height
+    weight = balance_at(ground, rover, x, y, cy, sy, state.q, state.raised, drive.gravity, drive.soil or search, work, s)
     if weight == 0.0:
         return NO_BALANCE, 0
     for i in range(6):
@@ -194,7 +124,7 @@ def evaluate(
     fastest = command_rims(s, rover, command, cy, sy, state.rim)
     if fastest == 0.0:
         fastest = drive.reference
-    law = Law(drive.friction, drive.soil, drive.tables, drive.table_of, weight, state.rim, state.limit, fastest)
+    law = Law(drive.friction, drive.soil, drive.tables, drive.table_of, weight, state.rim, state.limit, fastest, state.free)
     steps = solve_motion(s, rover, law, m)
     if steps < 0:
         return NO_BALANCE, 0
@@ -212,10 +142,9 @@ def evaluate(
         return OVERLOADED, steps
     state.power[0], state.power[1] = weight * done, weight * lost
     copy_numbers(m.y[:FREE], state.w)
+    for i in range(6):
+        state.rising[i] = m.y[FREE + i] / s.normal[i, 2]
     settled_rates(s, m.y, state.rates)
-    if search:
-        height = centre_of_mass(rover, work.hub_offsets, state.q, cy, sy, work.axes, work.pivots, state.slope)
-        state.height[0] = state.q[Z] + height
     return CONVERGED, steps
 
 
@@ -236,15 +165,19 @@ def runge_kutta(
     Returns:
         CONVERGED, or the code of the stage without a solution; `place` is then that stage's.
     """
-    kept, total, cubic = state.kept, state.total, ground[2][META_CUBIC] != 0.0
+    total, cubic = state.total, ground[2][META_CUBIC] != 0.0
     for j in range(3):
         total[j] = 2.0 * state.w[j]
     for j in range(2):
         total[3 + j] = 2.0 * state.power[j]
+    for i in range(6):
+        total[5 + i] = 2.0 * state.rising[i]
     for stage in range(2):
         share, ahead, weight = (0.5, 0.5, 3.0) if stage == 0 else (0.75, 0.25, 4.0)
         for j in range(3):
-            state.place[j] = kept[j] + share * span * state.w[j]
+            state.place[j] = state.kept_place[j] + share * span * state.w[j]
+        for i in range(6):
+            state.raised[i] = max(state.kept_raised[i] + share * span * state.rising[i], 0.0)
         for j in range(6):  # from the pose before, by its rates
             state.q[j] += ahead * span * state.rates[j]
         code, _ = evaluate(ground, rover, True, cubic and stage == 0, command, drive, work, s, m, state)
@@ -254,11 +187,58 @@ def runge_kutta(
             total[j] += weight * state.w[j]
         for j in range(2):
             total[3 + j] += weight * state.power[j]
+        for i in range(6):
+            total[5 + i] += weight * state.rising[i]
+    for i in range(6):
+        set_raised(state, i, state.kept_raised[i] + span / 9.0 * total[5 + i])
     for j in range(3):
-        state.place[j] = kept[j] + span / 9.0 * total[j]
+        state.place[j] = state.kept_place[j] + span / 9.0 * total[j]
     for j in range(6):
         state.q[j] += 0.25 * span * state.rates[j]
     return CONVERGED
+
+
+@njit
+def let_down(
+    ground: Ground, rover: Array, command: Array, drive: Drive, work: Work, s: Station, m: Motion, state: State
+) -> tuple[int, int, float]:
+    """Land all wheels and evaluate the station again.
+
+    A wheel off the ground for which no motion balances falls, and faster than the rover moves.
+
+    Args:
+        ground, rover, command, drive, work, s, m: as for `evaluate`.
+        state: at the station; replaced.
+
+    Returns:
+        Code and number of Newton steps, as `evaluate`; m by which the centre of mass falls.
+    """
+    before = state.height[0]
+    set_on_ground(state)
+    code, steps = evaluate(ground, rover, True, True, command, drive, work, s, m, state)
+    return code, steps, before - state.height[0]
+
+
+@njit
+def take_step(
+    ground: Ground, rover: Array, span: float, command: Array, drive: Drive, work: Work, s: Station, m: Motion, state: State
+) -> tuple[int, int, float]:
+    """Advance one step from the station in `state.kept`, and evaluate its end.
+
+    Args:
+        ground, rover, span, command, drive, work, s, m, state: as for `runge_kutta`.
+
+    Returns:
+        CONVERGED, or the code of the stage without a solution; number of Newton steps at the end; m by which the centre of mass
+        falls there when wheels land (`let_down`).
+    """
+    code = runge_kutta(ground, rover, span, command, drive, work, s, m, state)
+    if code != CONVERGED:
+        return code, 0, 0.0
+    code, steps = evaluate(ground, rover, True, True, command, drive, work, s, m, state)
+    if code == NO_BALANCE and any_free(state.free):
+        return let_down(ground, rover, command, drive, work, s, m, state)
+    return code, steps, 0.0
 
 
 @njit
@@ -342,7 +322,7 @@ def predict_batch(
     work, land, car, meta = lay_out(buffer), borrow(ground), unowned_view(rover), unowned_view(ground[2])
     s, m = new_station(numbers, more), new_motion(numbers[STATION_SIZE:], more[6:])
     state = new_state(numbers[STATION_SIZE + MOTION_SIZE :])
-    all_commands, laws, limits, kept = unowned_view(commands), unowned_view(tables), unowned_view(torque), state.kept
+    all_commands, laws, limits = unowned_view(commands), unowned_view(tables), unowned_view(torque)
     for n in range(start, stop):
         c = command_of[n]
         drive = Drive(friction[n], table_of[n, 0] >= 0, laws, unowned_view(table_of)[n], gravity, limits, references[c])
@@ -353,6 +333,7 @@ def predict_batch(
         )
         reset_motion(m)
         state.q[:] = math.nan
+        set_on_ground(state)
         done = lost = 0.0
         out[n] = math.nan
         ends[n, 0], ends[n, 1] = REACHED_END, counts[c]
@@ -367,6 +348,9 @@ def predict_batch(
             if fresh:
                 set_hub_offsets(car, command[C_STEERING:], work.hub_offsets)
                 code, steps = evaluate(land, car, steered, steered, command, drive, work, s, m, state)
+                if code == NO_BALANCE and any_free(state.free):
+                    code, steps, fall = let_down(land, car, command, drive, work, s, m, state)
+                    lost -= s.weight[2] * fall
             if code == CONVERGED and (k % every == 0 or k == counts[c]):
                 at = (k + every - 1) // every
                 record(car, steps, s, m, state, meta, out[n, at])
@@ -376,10 +360,15 @@ def predict_batch(
                 while part < 1 << DEEPEST:
                     share = span / (1 << depth)
                     keep(state, work, m)
-                    code = runge_kutta(land, car, share, command, drive, work, s, m, state)
-                    if code == CONVERGED:
-                        code, steps = evaluate(land, car, True, True, command, drive, work, s, m, state)
-                    gain = -s.weight[2] * (state.height[0] - kept[20])
+                    code, steps, drop = take_step(land, car, share, command, drive, work, s, m, state)
+                    if (code == NO_BALANCE or code == NOT_CONVERGED) and any_free(state.kept_free):
+                        restore(state, work, m)
+                        code, steps, fall = let_down(land, car, command, drive, work, s, m, state)
+                        lost -= s.weight[2] * fall
+                        if code != CONVERGED:
+                            break
+                        continue
+                    gain = -s.weight[2] * (state.height[0] + drop - state.kept_height[0])
                     error = abs(share / 9.0 * (state.total[3] - state.total[4]) - gain)
                     if worst < math.inf:
                         halve = depth < DEEPEST and (code != CONVERGED or not error <= worst)
@@ -391,7 +380,8 @@ def predict_batch(
                         continue
                     if code != CONVERGED:
                         break
-                    done, lost = done + share / 9.0 * state.total[3], lost + share / 9.0 * state.total[4]
+                    done += share / 9.0 * state.total[3]
+                    lost += share / 9.0 * state.total[4] - s.weight[2] * drop
                     part += 1 << (DEEPEST - depth)
                     while depth > 0 and part % (1 << (DEEPEST - depth + 1)) == 0:
                         depth -= 1

@@ -85,15 +85,17 @@ def new_station(buffer: Array, order: NDArray[np.int64]) -> Station:
 
 
 @njit
-def take_contacts(ground: Ground, x: float, y: float, z: float, work: Work, s: Station) -> None:
+def take_contacts(ground: Ground, x: float, y: float, z: float, raised: Array, work: Work, s: Station) -> None:
     """Fill contact points and normals from the contacts of a settled pose.
 
-    If a tread is in contact over its width, its middle is the contact.
+    If a tread is in contact over its width, its middle is the contact. The contact of a wheel off the ground is the point of its
+    tread that is nearest to the ground.
 
     Args:
         ground: terrain.
         x, y, z: m, the body's origin from the map's first node and the datum.
-        work: `touch` and `wheels` are those of the pose.
+        raised: (6,) gaps, m.
+        work: `touch` and `wheels` are those of the pose, wheels lowered by `raised`.
         s: work arrays; wheels, point and normal are filled.
     """
     grid, _, meta = ground
@@ -105,11 +107,12 @@ def take_contacts(ground: Ground, x: float, y: float, z: float, work: Work, s: S
             if max(far, gap_at(grid, meta, w, t[SIN], t[COSINE], 0.0)) <= t[GAP] + FLUSH:
                 place = 0.0
         ox, oy, oz = tread_point(w, t[SIN], t[COSINE], place)
-        s.point[i, 0], s.point[i, 1], s.point[i, 2] = w[HX] + ox - x, w[HY] + oy - y, w[HZ] + oz - z
+        s.point[i, 0], s.point[i, 1], s.point[i, 2] = w[HX] + ox - x, w[HY] + oy - y, w[HZ] + raised[i] + oz - z
         gx, gy = contact_slope(grid, meta, w, t[SIN], t[COSINE], place)
         size = math.sqrt(1.0 + gx * gx + gy * gy)
         s.normal[i, 0], s.normal[i, 1], s.normal[i, 2] = -gx / size, -gy / size, 1.0 / size
         copy_numbers(w[: HALF + 1], s.wheels[i])
+        s.wheels[i, HZ] += raised[i]
 
 
 @njit
@@ -146,8 +149,8 @@ def to_contacts(s: Station, out: Array) -> None:
 
 @njit
 def balance_at(
-    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, gravity: float, couples: bool,
-    work: Work, s: Station,
+    ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, raised: Array, gravity: float,
+    couples: bool, work: Work, s: Station,
 ) -> float:  # fmt: skip
     """Fill the balance equations of a settled pose.
 
@@ -156,6 +159,7 @@ def balance_at(
         x, y: m, the body's origin from the map's first node.
         cy, sy: cos and sin of yaw.
         q: (6,) pose, z from the datum.
+        raised: (6,) gaps of its wheels, m.
         gravity: m/s².
         couples: True to fill the third row of `ways` too.
         work: as the settle of this pose left it.
@@ -164,7 +168,7 @@ def balance_at(
     Returns:
         The rover's weight, N; 0 if the contacts do not determine the pose.
     """
-    take_contacts(ground, x, y, q[Z], work, s)
+    take_contacts(ground, x, y, q[Z], raised, work, s)
     copy_numbers(q, s.q)
     contact_columns(rover, q, work.axes, work.pivots, s.wheels, s.point, s.normal, s.columns, s.frame)
     weight = gravity * weight_column(rover, work.hub_offsets, q, work.axes, work.pivots, 0.0, 0.0, -gravity, s.weight)

@@ -38,7 +38,7 @@ EXTRA: dict[str, tuple[tuple[str, ...], str, str]] = {
     "side_force": (("wheel",), "N", "contact force across the heading of the wheel, left positive"),
     "wheel_torque": (("wheel",), "N m", "torque of the hub motor, forward positive"),
     "wheel_rate_command": (("wheel",), "rad/s", "commanded rate of the hub motor"),
-    "wheel_lifted": (("wheel",), "1", "1 if the wheel carries no load and would lift"),
+    "wheel_lifted": (("wheel",), "1", "1 if the wheel carries no load; `gap` is its height above the terrain"),
     "law_exceeded": (
         ("wheel",),
         "1",
