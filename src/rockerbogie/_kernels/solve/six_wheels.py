@@ -60,7 +60,7 @@ class SixWheels(NamedTuple):
 SIX_SIZE = 6 + 3 * 6 * W_SIZE + 1 + 36
 
 
-@njit
+@owning_njit
 def lay_out_six(buffer: Array) -> SixWheels:
     """Return views into a buffer, with a share of 0.
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit
+from ..jit.decorators import njit, owning_njit
 from ..model.ground import META_COL, META_CUBIC, META_DX, META_DY, META_NX, META_NY, META_ROW
 
 Array = NDArray[np.float64]
@@ -52,7 +52,7 @@ class Cells(NamedTuple):
     j1: int
 
 
-@njit
+@owning_njit
 def make_field(grid: Array, meta: Array) -> Field:
     """Return the terrain's grid with its spacing and the range of cells it holds.
 
