@@ -108,7 +108,8 @@ def test_curvature_bound_along_a_rim(seed: int) -> None:
         high = low + rng.choice([0.01, 0.3, 1.0, 1.6])
         ends = (math.sin(low), math.cos(low), math.sin(high), math.cos(high))
         _, _, _, gx, gy = cubic_rim._along(c, meta, w, ends[0], ends[1], half)
-        on_arc = cubic_rim._derivatives_on_arc(c, meta, w, 0, 0, half, high - low, *ends)
+        on_arc = np.empty(cubic_derivatives.DERIVATIVES_SIZE)
+        cubic_rim._derivatives_on_arc(c, meta, w, 0, 0, half, high - low, *ends, on_arc)
         values = [cubic_rim._along(c, meta, w, math.sin(t), math.cos(t), half)[2] for t in np.linspace(low, high, 101)]
         for bounds in (derivatives, on_arc):
             assert cubic_rim._least_curvature(w, bounds, gx, gy, low, high, *ends) <= min(values) + 1e-12

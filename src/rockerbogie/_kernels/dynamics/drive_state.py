@@ -1,4 +1,4 @@
-"""Work arrays of a predicted drive: the present station, an earlier one, and wheels off the ground."""
+"""Work arrays of a predicted drive: its station and an earlier one, wheels off the ground."""
 
 from __future__ import annotations
 
