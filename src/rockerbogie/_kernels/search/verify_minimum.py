@@ -75,7 +75,7 @@ def is_least(ground: Ground, w: Array, sine: float, cosine: float, s: float, low
     code, _ = least_gap(ground, w, sine, cosine, s, True, -math.inf, lowest, none)
     if code != FOUND:
         return UNKNOWN
-    return LEAST if lowest[GAP] > -VERIFIED_DEPTH else LOWER
+    return LEAST if lowest[GAP] > -2.0 * BOUNDED_DEPTH else LOWER  # the contact's own gap may be BOUNDED_DEPTH
 
 
 @njit
