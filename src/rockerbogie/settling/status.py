@@ -37,7 +37,7 @@ MEANING: dict[Status, tuple[str, str]] = {
         "contact mode: no pose with six zero gaps was found; equilibrium mode: no pose in balance was found; the pose is NaN",
         "the terrain is too steep for this linkage here; try mode='equilibrium'",
     ),
-    Status.WHEEL_LIFTED: ("equilibrium mode: a wheel is off the ground", "see wheel_lifted for which"),
+    Status.WHEEL_LIFTED: ("equilibrium mode, `predict`: a wheel is off the ground", "see wheel_lifted for which"),
     Status.BELLY_CONTACT: (
         "equilibrium mode: the body's box is on the terrain; contact mode does not check this (see clearance)",
         "the rover is high-centred: choose another position",

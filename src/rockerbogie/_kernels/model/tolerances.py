@@ -12,7 +12,7 @@ NEARBY = 1e-3  # of a cell or the radius: distance at which a contact is compare
 MIN_CONCAVITY = 1e-9  # 1/m: less concave terrain has no minimum inside a tread that its rims do not have, within 1e-9 m
 MIN_DECREASE = 1e-13  # m: Newton's method on a convex part ends when a step lowers the function by less
 MIN_COS_TILT = 0.05  # cos τ: at or below it a wheel lies on its side, and no contact is sought
-VERIFIED_DEPTH = 1e-9  # m: depth to which a searched tread may be below the terrain
+VERIFIED_DEPTH = 1e-10  # m: depth to which bounds may leave a tread below the terrain; a search leaves it twice that
 
 # Body box
 CLEARANCE_TIE = 1e-9  # m: a clearance that is lower by less is not sought; all points of flat terrain tie

@@ -48,7 +48,6 @@ from .tread import FOUND, least_gap
 Array = NDArray[np.float64]
 
 CELLS = 16  # most cells under a wheel over which derivatives are bounded
-BOUNDED_DEPTH = 0.1 * VERIFIED_DEPTH  # m: depth to which bounds leave a tread below the terrain; a search is exact
 PIECES = 12  # most pieces that a width is cut into
 
 LEAST, LOWER, UNKNOWN = range(3)
@@ -70,12 +69,12 @@ def is_least(ground: Ground, w: Array, sine: float, cosine: float, s: float, low
         missing data.
     """
     grid, _, meta = ground
-    if _by_bounds(grid, meta, w, sine, cosine, s, -BOUNDED_DEPTH):
+    if _by_bounds(grid, meta, w, sine, cosine, s, -VERIFIED_DEPTH):
         return LEAST
     code, _ = least_gap(ground, w, sine, cosine, s, True, -math.inf, lowest, none)
     if code != FOUND:
         return UNKNOWN
-    return LEAST if lowest[GAP] > -2.0 * BOUNDED_DEPTH else LOWER  # the contact's own gap may be BOUNDED_DEPTH
+    return LEAST if lowest[GAP] > -2.0 * VERIFIED_DEPTH else LOWER  # the contact's own gap may be that deep
 
 
 @njit
@@ -91,7 +90,7 @@ def least_gap_by_bounds(
         w: (WHEEL_SIZE,) wheel.
         sine, cosine: sin φ, cos φ to start from.
         keep: m, list local minima of gap <= keep; -inf for none.
-        lowest: (CONTACT_SIZE,) filled with the lowest point, within `BOUNDED_DEPTH`.
+        lowest: (CONTACT_SIZE,) filled with the lowest point, within `VERIFIED_DEPTH`.
         contacts: (n, CONTACT_SIZE) filled with the local minima listed; 0 are listed if `lowest` is shown to be the only one.
 
     Returns:
@@ -170,7 +169,7 @@ def _least_of_rims(ground: Ground, w: Array, sine: float, cosine: float, keep: f
             lowest[GAP], lowest[SIN], lowest[COSINE], lowest[PLACE] = gap, sp, cp, s
         else:
             higher = gap
-    margin = max(keep - lowest[GAP], -BOUNDED_DEPTH)
+    margin = max(keep - lowest[GAP], -VERIFIED_DEPTH)
     if higher < lowest[GAP] + margin:
         return False
     return _by_bounds(grid, meta, w, lowest[SIN], lowest[COSINE], lowest[PLACE], margin)
@@ -263,7 +262,7 @@ def _by_bounds(grid: Array, meta: Array, w: Array, sine: float, cosine: float, s
         grid, meta: cubic terrain.
         w: (WHEEL_SIZE,) wheel; its scratch is written.
         sine, cosine, s: the contact.
-        margin: m. -BOUNDED_DEPTH: no point is lower by more than that. Otherwise the contact lies on a rim, and every other
+        margin: m. -VERIFIED_DEPTH: no point is lower by more than that. Otherwise the contact lies on a rim, and every other
             local minimum is higher by this, 0 or more.
 
     Returns:

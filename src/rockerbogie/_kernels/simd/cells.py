@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import fma_njit
+from ..jit.decorators import fma_njit, inlined
 from ..jit.raw_views import node_taker
 from ..model.ground import META_DX, META_DY, META_NX, META_NY
 from .layout import CELL, EDGE, HALF, HOME, LANES, LOWEST, POSE, in_use
@@ -57,6 +57,21 @@ def no_gap(lanes: Array) -> None:
         lanes[LOWEST.col + l], lanes[LOWEST.row + l] = lanes[HOME.col + l], lanes[HOME.row + l]
 
 
+@inlined
+def _cell_of(lanes: Array, l: int) -> tuple[float, float]:
+    """Return a lane's cell (CELL.col, CELL.row), or the cell under the body if an index is NaN.
+
+    Args:
+        lanes: the lane array (`layout`).
+        l: lane.
+
+    Reads:  CELL.col, CELL.row, HOME (all)
+    Writes: none
+    """
+    i, j, home_x, home_y = lanes[CELL.col + l], lanes[CELL.row + l], lanes[HOME.col + l], lanes[HOME.row + l]
+    return (i if i == i else home_x), (j if j == j else home_y)
+
+
 @fma_njit
 def corners(lanes: Array, grid: Array, meta: Array) -> None:
     """Copy the heights at the corners of the cells (CELL.col, CELL.row).
@@ -77,8 +92,7 @@ def corners(lanes: Array, grid: Array, meta: Array) -> None:
         return
     last_x, last_y = meta[META_NX] - 2.0, meta[META_NY] - 2.0
     for l in range(in_use(lanes)):
-        i, j, home_x, home_y = lanes[CELL.col + l], lanes[CELL.row + l], lanes[HOME.col + l], lanes[HOME.row + l]
-        i, j = (i if i == i else home_x), (j if j == j else home_y)
+        i, j = _cell_of(lanes, l)
         i, j = (i if i > 0.0 else 0.0), (j if j > 0.0 else 0.0)
         lanes[CELL.col + l], lanes[CELL.row + l] = (i if i < last_x else last_x), (j if j < last_y else last_y)
     for first in range(0, in_use(lanes), HALF):
@@ -99,8 +113,7 @@ def _corners_near_edge(lanes: Array, grid: Array, meta: Array) -> None:
     """
     last_x, last_y = meta[META_NX] - 2.0, meta[META_NY] - 2.0
     for l in range(in_use(lanes)):
-        i, j, home_x, home_y = lanes[CELL.col + l], lanes[CELL.row + l], lanes[HOME.col + l], lanes[HOME.row + l]
-        i, j = (i if i == i else home_x), (j if j == j else home_y)
+        i, j = _cell_of(lanes, l)
         lanes[CELL.col + l], lanes[CELL.row + l] = i, j
         i, j = (i if i > 0.0 else 0.0), (j if j > 0.0 else 0.0)
         # the nearest cell of the map, until its heights replace it
