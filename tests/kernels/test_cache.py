@@ -193,6 +193,19 @@ def test_damaged_file_is_compiled_again(install: Install) -> None:
     assert install.use() == (2.25, 0)
 
 
+def test_large_callee_is_called_by_address_and_loaded_from_its_own_file(install: Install) -> None:
+    script = "from rockerbogie._kernels.jit import linking\nlinking.MOST_COPIED = 0\n" + USE
+    assert install.run(script).stdout.split() == ["2.25", "2"]
+    assert install.use() == (2.25, 0)
+    (callee,) = install.package.rglob("*callee*.nbc")
+    (caller,) = install.package.rglob("*caller*.nbc")
+    assert callee.name.encode() in caller.read_bytes()
+    callee.unlink()
+    assert install.use() == (2.25, 2)
+    install.set_factor(3)
+    assert install.use() == (3.25, 2)
+
+
 def test_import_deletes_nothing_and_compiling_keeps_the_newest_folders(install: Install) -> None:
     place = install.package / "_kernels" / "__pycache__"
     for k in range(cache.KEPT_FOLDERS + 2):

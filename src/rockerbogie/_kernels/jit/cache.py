@@ -4,16 +4,11 @@ Numba's own cache checks only the source file that holds a function, so that a c
 callee. Here the key of a kernel is a hash of its source file and of all kernel sources that this file imports, directly or
 not, with the versions of numba and llvmlite, the processor and the compiler's settings. Versions, processor and settings
 have their own folder, and each kernel and signature one file, written atomically: there is no index that two processes
-could make inconsistent.
-
-A compiled kernel is always run in the form that the cache holds, also by the process that compiles it: its object file in
-an execution engine of its own. In one common engine, the linker takes a callee's code from whichever object came first,
-and results depend in their last bits on what was compiled before.
+could make inconsistent. `linking` loads them.
 """
 
 from __future__ import annotations
 
-import copy
 import functools
 import hashlib
 import os
@@ -28,13 +23,11 @@ from typing import Any
 
 import llvmlite
 import numba
-from numba.core.codegen import JITCPUCodegen
-from numba.core.compiler import CompileResult
 from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 from numba.misc.appdirs import AppDirs
 
-from . import notice
+from . import linking, notice
 
 #: Folder that holds all kernel sources.
 SOURCES = Path(__file__).resolve().parents[1]
@@ -44,8 +37,10 @@ PREFIX = "rockerbogie-"
 KEPT_FOLDERS = 5
 #: Files kept of one kernel and signature, the newest: one for each state of its sources.
 KEPT_FILES = 3
-#: Sources that store and announce compiled code and do not change it.
-MACHINERY = {SOURCES / "jit" / "cache.py", SOURCES / "jit" / "notice.py"}
+#: Number of the form of the stored files. Another form gets another folder.
+FORM = 2
+#: Sources that store, load and announce compiled code and do not change it.
+MACHINERY = {SOURCES / "jit" / name for name in ("cache.py", "linking.py", "notice.py")}
 #: Relative import: dots, module, names.
 IMPORT = re.compile(rb"^ *from (\.+)([\w.]*) import (\([^)]*\)|[^\n(]*)", re.MULTILINE)
 #: Settings of numba that change machine code and are not part of the processor's description.
@@ -115,7 +110,7 @@ def cache_folders() -> tuple[Path, ...]:
     """
     processor = numba.core.registry.cpu_target.target_context.codegen().magic_tuple()
     settings = [str(getattr(numba.config, name, None)) for name in SETTINGS]
-    key = repr((numba.__version__, llvmlite.__version__, processor, settings))
+    key = repr((FORM, numba.__version__, llvmlite.__version__, processor, settings))
     name = PREFIX + hashlib.sha256(key.encode()).hexdigest()[:16]
     places = [Path(numba.config.CACHE_DIR)] if numba.config.CACHE_DIR else []
     places += [SOURCES / "__pycache__", Path(AppDirs("rockerbogie", appauthor=False).user_cache_dir)]
@@ -173,7 +168,7 @@ class KernelCache:
         self._name = f"{function.__module__.removeprefix('rockerbogie.')}.{function.__qualname__}".replace("<locals>", "")
         self._file = Path(self._code.co_filename).resolve()
         self._sources = hash_of_sources(self._file)
-        self._fresh: Any = None  # reduced form of the result compiled last, to be written
+        self._fresh: Any = None  # stored form of the result compiled last, to be written
         self._enabled = True
 
     @property
@@ -242,19 +237,7 @@ class KernelCache:
         if not self._enabled:
             return None
         rtsys.initialize(target_context)  # all that loading needs of `refresh`, which takes 0.3 s; numba's compiler calls that
-        key = self._key(sig)
-        for folder in cache_folders():
-            try:
-                content = (folder / self._file_name(key)).read_bytes()
-            except OSError:
-                continue
-            try:
-                found, payload = pickle.loads(content)
-            except (EOFError, pickle.UnpicklingError):  # damaged: compile again
-                continue
-            if found == key:
-                return run_from_object(target_context, payload)
-        return None
+        return _load(self._file_name(self._key(sig)), target_context)
 
     def take(self, result: Any) -> Any:
         """Replace a fresh compile result by the form that the cache holds.
@@ -271,8 +254,9 @@ class KernelCache:
         if result.library.has_dynamic_globals or result.lifted:
             return result
         context = result.target_context
-        self._fresh = result._reduce()
-        taken = run_from_object(context, self._fresh)
+        name = self._file_name(self._key(result.signature.args))
+        self._fresh = linking.reduce(result, name)
+        taken = linking.load(context, self._fresh, name)
         context.remove_user_function(result.entry_point)
         context.insert_user_function(taken.entry_point, taken.fndesc, [taken.library])
         return taken
@@ -289,7 +273,7 @@ class KernelCache:
         if any(not file.exists() or file.read_bytes() != IMPORTED[file] for file in sources_of(self._file)):
             return
         key, folder = self._key(sig), cache_folders()[-1]
-        content = dumps((key, self._fresh))
+        content = dumps(self._fresh)
         part = folder / f"{uuid.uuid4().hex}.part"
         try:
             if not folder.exists():
@@ -316,19 +300,26 @@ class KernelCache:
             warnings.warn(f"{message} again: set NUMBA_CACHE_DIR to a writable folder", RuntimeWarning, stacklevel=2)
 
 
-def run_from_object(target_context: Any, payload: Any) -> Any:
-    """Load the reduced form of a compile result into an execution engine of its own.
+def _load(name: str, target_context: Any) -> Any:
+    """Load a compiled kernel, and those that it calls by address.
 
     Args:
+        name: of its file.
         target_context: numba's context of the processor.
-        payload: result of `CompileResult._reduce`.
 
     Returns:
-        The compile result, ready to be called and to be linked into callers.
+        The compile result, or None if a file is missing or damaged: the kernel is to be compiled again.
     """
-    context = copy.copy(target_context)
-    context._internal_codegen = JITCPUCodegen("rockerbogie")
-    return CompileResult._rebuild(context, *payload)._replace(target_context=target_context)
+    if name in linking.loaded:
+        return linking.loaded[name]
+    for folder in cache_folders():
+        try:
+            stored = pickle.loads((folder / name).read_bytes())
+        except (OSError, EOFError, pickle.UnpicklingError):
+            continue
+        if all(_load(callee, target_context) for callee in stored.callees):
+            return linking.load(target_context, stored, name)
+    return None
 
 
 def enable_cache(dispatcher: Any) -> None:
