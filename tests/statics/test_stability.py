@@ -194,6 +194,20 @@ def test_both_bounds_of_the_margin_agree(name: str, surface: str, mode: str) -> 
     assert np.nanmin(gap) >= 0.0
 
 
+def test_joints_at_their_limits_limit_the_margin() -> None:
+    rover = rb.load_rover("osr")
+    terrain = rb.surfaces.rocks(seed=4, size=8.0 * rover.wheelbase, k=0.3)
+    pose = rb.settle(rover, terrain, [-1.177, 1.603], [-0.721, 0.58], [-0.419, 1.965], mode="equilibrium")
+    np.testing.assert_array_equal(pose.joint_stop, [[0, 1, 1], [0, 1, 0]])
+    got = rb.stability(pose)
+    assert np.all(got.tip_margin - got.tip_bound < 1e-4)
+    np.testing.assert_array_equal(got.slides, ~got.stays.any(axis=-1))
+    for k in range(2):
+        direction, margin = float(got.direction[k]), float(got.tip_margin[k])
+        assert 1.9 < tilted(pose, direction, margin - 0.015).required_friction[k] < 2.0
+        assert 2.0 < tilted(pose, direction, margin + 0.01).required_friction[k] < 2.1
+
+
 def test_a_margin_does_not_depend_on_the_other_poses_of_a_batch() -> None:
     pose = settled("sawppy", 3, 20)
     many = rb.stability(pose)

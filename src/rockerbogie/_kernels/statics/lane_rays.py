@@ -179,6 +179,7 @@ class Rays(NamedTuple):
     best: Array  # (LANES,) distance of the nearest half-plane
     way: Array  # (LANES, 2) its normal
     met: NDArray[np.bool_]  # (LANES,) a ray has ended on it
+    told: NDArray[np.bool_]  # (LANES,) direction and wheels are those of a ray's end
     far: Array  # (LANES,) tangent at which a ray ends while no half-plane is known
     kept: Array  # (LANES, 2) the first ray whose end is stored in KEPT_STATE
     kept_best: Array  # (LANES,) `best` at its end; inf: none is stored
@@ -189,8 +190,8 @@ def new_rays() -> Rays:
     """Return rays of idle lanes."""
     return Rays(
         np.zeros((LANES, 2)), np.zeros(LANES, np.bool_), np.zeros(LANES, np.int64), np.zeros((LANES, ROOM, 3)),
-        np.zeros(LANES, np.int64), np.zeros(LANES), np.zeros((LANES, 2)), np.zeros(LANES, np.bool_), np.zeros(LANES),
-        np.zeros((LANES, 2)), np.zeros(LANES),
+        np.zeros(LANES, np.int64), np.zeros(LANES), np.zeros((LANES, 2)), np.zeros(LANES, np.bool_),
+        np.zeros(LANES, np.bool_), np.zeros(LANES), np.zeros((LANES, 2)), np.zeros(LANES),
     )  # fmt: skip
 
 
@@ -204,7 +205,7 @@ def start_rays(lanes: Array, s: Rays, l: int) -> None:
         l: lane.
     """
     s.shots[l], s.best[l], s.far[l], s.kept_best[l] = 0, math.inf, FAR, math.inf
-    s.met[l], s.aimed[l] = True, False
+    s.met[l], s.told[l], s.aimed[l] = True, False, False
     start_hull(s, l)
     lanes[RAY.far * LANES + l] = FAR
 
@@ -256,8 +257,8 @@ def rays_view(s: Rays) -> Rays:
     """
     return Rays(
         unowned_view(s.ray), unowned_view(s.aimed), unowned_view(s.shots), unowned_view(s.corner), unowned_view(s.corners),
-        unowned_view(s.best), unowned_view(s.way), unowned_view(s.met), unowned_view(s.far), unowned_view(s.kept),
-        unowned_view(s.kept_best),
+        unowned_view(s.best), unowned_view(s.way), unowned_view(s.met), unowned_view(s.told), unowned_view(s.far),
+        unowned_view(s.kept), unowned_view(s.kept_best),
     )  # fmt: skip
 
 
@@ -285,7 +286,8 @@ def ray_ends(
         if distance < best * (1.0 - 1e-9):
             s.best[l], s.way[l, X], s.way[l, Y], s.met[l] = distance, px / size, py / size, False
             lanes[RAY.far * LANES + l] = min(4.0 * distance, s.far[l])
-        if tight and distance < best + tolerance * (1.0 + best * best):
+        if distance < best + tolerance * (1.0 + best * best) if tight else distance < best and not s.told[l]:
+            s.told[l] |= tight
             direction[p] = math.atan2(py, px)
             slides[p] = _stays(lanes, t.queue[CAPACITY], l, px, py, lanes[RAY.pz * LANES + l], stays[p])
         if tight and distance < s.best[l] * (1.0 + 1e-9):

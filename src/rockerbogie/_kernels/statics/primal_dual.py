@@ -251,8 +251,8 @@ def find_sides(
         most, along = s.scaled.leaving(s.scale(s.cone(s.velocity(v) * s.on, rows[STATE.mu])), s.over_both)
         right, left = larger(right, most - along), larger(left, most + along)
     for q in limits:
-        dy = q.on * q.sign * q.y * q.over_w * v[q.row]
-        right, left = larger(right, -dy), larger(left, dy)
+        grows = q.on * q.sign * q.over_w * v[q.row]  # share of the limit's force y
+        right, left = larger(right, -grows), larger(left, grows)
     worst = one * 0.0
     for x in short:
         worst = larger(worst, larger(x, -x))
