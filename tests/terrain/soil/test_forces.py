@@ -106,6 +106,11 @@ def test_statuses_of_wheels_that_have_no_forces() -> None:
         ({"cohesion": -1.0}, "cohesion is -1"),
         ({"cohesion": 0.8}, "Pa, not kPa"),
         ({"friction_angle": 28.0}, "rad, not degrees"),
+        ({"friction_angle": np.radians(0.49)}, "0.49°: give rad; in a file, degrees"),
+        ({"kc": 990e3}, "kc is 990000 .* N and m, not kN"),
+        ({"kc": 0.99}, "kc is 0.99 .* N and m, not kN"),
+        ({"cohesion": "0"}, "cohesion is '0'"),
+        ({"density": True}, "density is True"),
         ({"kphi": 1528.43, "kc": 0.99}, "N and m, not kN"),
         ({"kphi": 1528.43e6}, "N and m, not kN"),
         ({"shear_modulus": 25.0}, "m, not mm"),
@@ -143,6 +148,11 @@ def test_wrong_calls_are_refused(arguments: dict[str, object], words: str) -> No
     given = {"soil": SAND, "radius": 0.25, "width": 0.3, "load": 100.0, "slip": 0.1} | arguments
     with pytest.raises(rb.RockerbogieError, match=words):
         rb.wheel_soil_forces(**given)  # type: ignore[arg-type]
+
+
+def test_a_slip_curve_without_a_ratio_is_refused() -> None:
+    with pytest.raises(rb.RockerbogieError, match="ratio is 0; it must be from 0.001"):
+        rb.SlipCurve(0.0, 4.0)
 
 
 def test_soil_files(tmp_path: Path) -> None:

@@ -16,7 +16,8 @@ from ...arrays import Array
 from ...errors import RockerbogieError
 from ...gravity import GRAVITY, check_gravity
 from .forces import check_law
-from .laws import Grousers, Wheel, WheelLaw, check_range
+from .laws import Grousers, Wheel, WheelLaw
+from .limits import check_range
 
 #: Nodes of load, slip and slip angle.
 SIZE = (15, 49, 25)
