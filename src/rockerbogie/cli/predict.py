@@ -103,8 +103,8 @@ def predict(
     step
         Length of an integration step, m. Default: a quarter of the wheel radius.
     tolerance
-        Halve steps while the error of their energy balance exceeds this share, such as 1e-6. Default: only steps that
-        have no solution.
+        Halve steps while the error of their energy balance exceeds this share, such as 1e-6; the drive ends where that does
+        not help. Default: only steps that have no solution.
     gravity
         earth, mars, moon, or a number in m/s².
     torque

@@ -48,6 +48,22 @@ def test_motor_work_is_height_gain_plus_dissipation(rover: rb.Rover, waves: rb.T
     assert np.ptp(gain) > 500.0
 
 
+@pytest.mark.parametrize("law", [{"friction": 0.7}, {"soil": "dry-sand"}])
+def test_energies_balance_to_the_tolerance_on_rocks_or_the_drive_ends(law: dict[str, object]) -> None:
+    rocks = rb.surfaces.rocks(seed=1, size=16.0, spacing=0.1, smallest=0.2)
+    start = np.random.default_rng(3).uniform(-3.0, 3.0, (6, 3))
+    for name in ("sawppy", "perseverance"):
+        rover, path = rb.load_rover(name), rb.Path.straight((0, 0), 0.0, 1.5)
+        run = rb.predict(rover, rocks, start, path, tolerance=1e-6, details=False, **law)  # type: ignore[arg-type]
+        ends = {rb.DriveEnd(code) for code in run["end"].to_numpy()}
+        if "friction" in law:
+            assert rb.DriveEnd.INACCURATE not in ends
+        else:  # wheels are pressed against rocks, where the motion reverses at each jump of a contact
+            assert rb.DriveEnd.INACCURATE in ends
+        missing = abs(run["motor_work"] - run["dissipation"] - run["height_gain"]).max().item()
+        assert missing <= 2e-6 * rover.mass * rb.GRAVITY["earth"] * 1.5
+
+
 def test_forces_balance_the_weight_at_every_station(rover: rb.Rover, waves: rb.Terrain) -> None:
     run = rb.predict(rover, waves, (8.0, 9.0, 0.4), rb.Path.straight((0, 0), 0.0, 5.0), friction=0.7)
     pose = rb.settle(rover, waves, run["x"], run["y"], run["yaw"], steering=run["steering"])
@@ -246,6 +262,29 @@ def test_a_rover_on_sand_slips_more_on_steeper_slopes_and_keeps_the_energy_balan
         slips.append(float(run["slip_ratio"].mean()))
         assert (run["sinkage"] > 0.0).all()
     assert 0.0 < slips[0] < slips[1] < slips[2] < 1.0
+
+
+def test_a_rover_parks_on_sand_between_two_drives(rover: rb.Rover) -> None:
+    def drive(rate: list[float], time: list[float]) -> xr.Dataset:
+        values = {"wheel_rate": (("time", "wheel"), np.repeat(np.array(rate)[:, None], 6, axis=1))}
+        commands = xr.Dataset(values | {"steering": (("time", "wheel"), np.zeros((len(time), 6)))}, {"time": time})
+        return rb.predict(rover, tilted(5.0), (20.0, 8.0, np.pi / 2), commands, soil="grc-1", gravity=3.71)
+
+    stop = drive([0.0, 0.0, 0.2, 0.2, 0.0, 0.0, 0.2, 0.2], [0.0, 5.0, 5.001, 10.0, 10.001, 15.0, 15.001, 20.0])
+    assert stop.attrs["end"] == "REACHED_END"
+    parked = np.hypot(np.diff(stop["x"]), np.diff(stop["y"]))[(stop["wheel_rate_command"][:-1] == 0.0).all(axis=1)]
+    assert parked.size > 4
+    assert parked.max() < 1e-4
+    assert stop["y"][-1] - 8.0 > 0.3
+    balance = stop["motor_work"] - stop["dissipation"] - stop["height_gain"]
+    assert abs(balance).max() <= 1e-6 * stop["motor_work"].max()
+
+
+def test_a_soil_without_a_name_is_recorded_as_soil(rover: rb.Rover) -> None:
+    soil = dataclasses.replace(rb.load_soil("grc-1"), name="")
+    run = rb.predict(rover, tilted(0.0), (20.0, 8.0, 0.0), rb.Path.straight((0, 0), 0.0, 0.2), soil=soil)
+    assert run.attrs["law"] == "soil Soil"
+    assert "law_exceeded" in run
 
 
 def test_forces_on_sand_are_those_of_the_soil_law(rover: rb.Rover) -> None:

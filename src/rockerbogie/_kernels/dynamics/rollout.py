@@ -25,7 +25,7 @@ from .station import FREE, STATION_SIZE, Station, balance_at, new_station, settl
 Array = NDArray[np.float64]
 
 # Codes of a rollout's end, besides those of rockerbogie.Status
-REACHED_END, NO_BALANCE, OVERLOADED = 0, 100, 101
+REACHED_END, NO_BALANCE, OVERLOADED, INACCURATE = 0, 100, 101, 102
 
 # Columns of a command: constant over one step
 C_TRACKS = 0  # 1: wheel rates are those of a planar twist at the pose; 0: wheel rates are given
@@ -52,7 +52,9 @@ R_STEPS = 81  # Newton steps of the balance
 R_SCALE = 82  # slip scale of the friction law over the reference speed
 R_SIZE = 83
 
-DEEPEST = 12  # halvings of a step
+DEEPEST = 20  # halvings of a step: where a contact jumps, each halves the error only
+LEAST_ERROR = 1e-9  # m by which the weight is lifted: smaller errors of a step's energy are those of the poses
+MOST_PARTS = 32.0  # sum of the errors of a step's parts over the error allowed for each
 RETRIES = 4  # halvings of a step without a solution, where no tolerance is given
 
 
@@ -122,9 +124,10 @@ def evaluate(
     for i in range(6):
         state.limit[i] = drive.torque[i] / weight
     fastest = command_rims(s, rover, command, cy, sy, state.rim)
+    soil = drive.soil and fastest > 0.0  # parked wheels have no direction of slip: friction holds them
     if fastest == 0.0:
         fastest = drive.reference
-    law = Law(drive.friction, drive.soil, drive.tables, drive.table_of, weight, state.rim, state.limit, fastest, state.free)
+    law = Law(drive.friction, soil, drive.tables, drive.table_of, weight, state.rim, state.limit, fastest, state.free)
     steps = solve_motion(s, rover, law, m)
     if steps < 0:
         return NO_BALANCE, 0
@@ -135,7 +138,7 @@ def evaluate(
         motor = f[TORQUE] * f[RIM] / rover[P_RADIUS + i]
         done += motor
         lost += motor - f[FORCE] * ut - f[FORCE + 1] * us
-        if drive.soil:
+        if soil:
             lost -= f[FORCE + 2] * turn
             overload = max(overload, f[OVERLOAD])
     if overload > 0.0:
@@ -311,7 +314,7 @@ def predict_batch(
         gravity: m/s².
         torque: (6,) torque limits, N m; inf without a limit.
         tolerance: a step is halved while the error of its energy balance exceeds this share of the work that lifts the rover's
-            weight by the step's length; inf: only a step without a pose or a motion is halved.
+            weight by the step's length, and the drive ends if they add up; inf: only a step without pose or motion is halved.
         every: steps between records.
         out: (n, records, R_SIZE) filled; NaN after the end of a drive.
         ends: (n, 2) filled with the code of the end and the number of steps done.
@@ -356,7 +359,7 @@ def predict_batch(
                 record(car, steps, s, m, state, meta, out[n, at])
                 out[n, at, R_WORK], out[n, at, R_LOSS] = done, lost
             if code == CONVERGED and k < counts[c]:
-                depth, part, worst = 0, 0, tolerance * -s.weight[2] * span * references[c]
+                depth, part, owed, worst = 0, 0, 0.0, max(tolerance * span * references[c], LEAST_ERROR) * -s.weight[2]
                 while part < 1 << DEEPEST:
                     share = span / (1 << depth)
                     keep(state, work, m)
@@ -369,15 +372,17 @@ def predict_batch(
                             break
                         continue
                     gain = -s.weight[2] * (state.height[0] + drop - state.kept_height[0])
-                    error = abs(share / 9.0 * (state.total[3] - state.total[4]) - gain)
+                    error = share / 9.0 * (state.total[3] - state.total[4]) - gain
                     if worst < math.inf:
-                        halve = depth < DEEPEST and (code != CONVERGED or not error <= worst)
+                        halve = depth < DEEPEST and (code != CONVERGED or not abs(error) <= worst)
                     else:  # a stage may lack a pose or a motion only because the step is long
                         halve = depth < RETRIES and (code == NO_BALANCE or code == NOT_CONVERGED)
                     if halve:
                         restore(state, work, m)
                         depth += 1
                         continue
+                    owed += error
+                    code = INACCURATE if code == CONVERGED and abs(owed) > MOST_PARTS * worst else code
                     if code != CONVERGED:
                         break
                     done += share / 9.0 * state.total[3]

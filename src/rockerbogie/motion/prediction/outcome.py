@@ -29,6 +29,7 @@ class DriveEnd(IntEnum):
     STALLS = 7  # the motors are too weak
     OVERLOADS = 8  # the soil cannot carry a wheel
     NOT_BALANCED = 9  # no motion at which the forces balance was found
+    INACCURATE = 10  # the energy balance misses the tolerance: the motion reverses where a contact jumps
 
 
 TEXT = {
@@ -42,6 +43,7 @@ TEXT = {
     DriveEnd.STALLS: "the motors are too weak: no motion within their torque limits balances the rover",
     DriveEnd.OVERLOADS: "the soil cannot carry a wheel's load",
     DriveEnd.NOT_BALANCED: "no motion was found at which the wheel forces balance",
+    DriveEnd.INACCURATE: "the energies do not balance within the tolerance: the motion reverses wherever a contact jumps",
 }
 _OF_STATUS = {
     Status.OFF_MAP: DriveEnd.OFF_MAP,
@@ -80,6 +82,7 @@ def drive_ends(
     for status, end in _OF_STATUS.items():
         ends[codes == status] = end
     ends[codes == kernel.OVERLOADED] = DriveEnd.OVERLOADS
+    ends[codes == kernel.INACCURATE] = DriveEnd.INACCURATE
     left = np.flatnonzero(codes == kernel.NO_BALANCE)
     if left.size == 0:
         return ends

@@ -80,9 +80,9 @@ def predict(
         speed: horizontal speed along a path, m/s.
         step: distance of a step, m, at most the wheelbase: along a path, or rolled by the fastest wheel; reduced a little if
             the length is no multiple of it. Default: a quarter of the smallest wheel radius.
-        tolerance: halve a step, at most 12 times, while the error of its energy balance exceeds this share of the work that
-            lifts the rover by the step's length. 1e-6 gives an energy balance to about 1e-6. Default: only a step without a pose
-            or a motion is halved, at most 4 times.
+        tolerance: halve a step, at most 20 times, while the error of its energy balance exceeds this share of the work that
+            lifts the rover by the step's length. If the errors of its parts add up to 32 times as much, the drive ends as
+            INACCURATE. Default: only a step without a pose or a motion is halved, at most 4 times.
         record: distance between records, m, rounded to steps. Default: each step is recorded.
         gravity: m/s², from 0.001 to 100 (`GRAVITY`).
         torque: torque limit of the wheel motors, a number or (6,), N·m. A wheel whose motor would exceed it turns at the rate at

@@ -72,7 +72,7 @@ def soil_tables(
     packed = np.zeros((len(tables), max(table.size for table in tables)))
     for row, table in zip(packed, tables, strict=True):
         row[: table.size] = table
-    names = [law if isinstance(law, str) else getattr(law, "name", type(law).__name__) for law in laws]
+    names = [law if isinstance(law, str) else getattr(law, "name", "") or type(law).__name__ for law in laws]
     return SoilTables(packed, table_of, () if single else (len(laws),), names)
 
 
