@@ -147,6 +147,23 @@ def test_a_weak_motor_slows_down_and_the_others_pull(rover: rb.Rover) -> None:
     assert float(weak["wheel_torque"][0, 1:].sum()) > float(free["wheel_torque"][0, 1:].sum())
 
 
+@pytest.mark.parametrize("law", [{"friction": 0.8}, {"soil": "grc-1"}])
+def test_a_rover_climbs_until_all_motors_together_are_too_weak(rover: rb.Rover, law: dict[str, object]) -> None:
+    start, path = (20.0, 8.0, np.pi / 2), rb.Path.straight((0, 0), 0.0, 0.5)
+
+    def climb(torque: float) -> xr.Dataset:
+        return rb.predict(rover, tilted(15.0), start, path, torque=torque, step=0.1, details=False, **law)  # type: ignore[arg-type]
+
+    free = climb(np.inf)
+    needed = free["wheel_torque"][0].to_numpy()
+    np.testing.assert_allclose(climb(1.01 * needed.max())["wheel_torque"], free["wheel_torque"], rtol=1e-6)
+    enough = 1.01 * needed.mean()  # on rigid terrain, the sum of torques is that of the slope; on soil, slip changes it a little
+    weak = climb(enough)
+    assert weak.attrs["end"] == "REACHED_END"
+    assert weak["wheel_torque"].max() <= enough * (1.0 + 1e-9)
+    assert climb(0.95 * needed.mean()).attrs["end"] == "STALLS"
+
+
 @pytest.mark.parametrize(
     ("degrees", "friction", "torque", "end"),
     [(25.0, 0.3, None, "SLIDES"), (15.0, 0.9, 20.0, "STALLS"), (5.0, 0.8, None, "OFF_MAP")],

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..jit.decorators import inlined, njit
 from ..statics.balance import EQUATIONS
 from .balance_residual import Law, Motion, reset_motion, residual_at
+from .contact_law import TORQUE
 from .linear import copy_numbers, decompose, solve_transposed
 from .station import FREE, Station
 
@@ -38,6 +39,8 @@ RELAXATIONS = 150  # steps of a relaxation
 DAMPED = 1.0  # first damping of a relaxation: at the reference speed, this share of the weight
 LEAST_DAMPED, MOST_DAMPED = 1e-12, 30.0  # least and largest damping
 LESS_DAMPED, MORE_DAMPED = 0.4, 3.0  # factors on the damping after a step that decreases the residual, and after another
+UNLIMITED = 1e12  # factor on torque limits at which they have no effect
+DECREASE, LEAST_DECREASE = 0.9, 0.995  # of torque limits: at first, and before the search ends
 FASTEST = 30.0  # times the reference speed: a faster motion is no equilibrium
 
 
@@ -283,3 +286,63 @@ def solve_motion(s: Station, rover: Array, law: Law, m: Motion) -> int:
         return total + count if count >= 0 else -1
     count, m.scale[0] = continued(s, rover, law, False, 1.0, SLIP_SCALE, m)
     return total + count if m.scale[0] < math.inf else -1
+
+
+@njit
+def scale_limits(law: Law, factor: float) -> None:
+    """Multiply the torque limits.
+
+    Args:
+        law: limit is changed.
+        factor: above 0.
+    """
+    for i in range(6):
+        law.limit[i] *= factor
+
+
+@njit
+def solve_limited(s: Station, rover: Array, law: Law, m: Motion) -> int:
+    """Solve for the motion with motors of limited torque.
+
+    From rest, all wheels slip and need more torque than at the balance. Where all motors are at their limits, the forces do not
+    depend on the motion, and Newton's method ends. So the limits are first without effect, and then decrease.
+
+    Args:
+        s, rover, law: as for `residual_at`; law.limit is changed in between.
+        m: work arrays; all are those of the solution.
+
+    Returns:
+        Number of Newton steps; -1 if no balance was found.
+    """
+    total, least = solve_motion(s, rover, law, m), math.inf
+    for i in range(6):
+        least = min(least, law.limit[i])
+    if total >= 0 or least == math.inf:
+        return total
+    reset_motion(m)
+    scale_limits(law, UNLIMITED)
+    total = solve_motion(s, rover, law, m)
+    scale_limits(law, 1.0 / UNLIMITED)
+    if total < 0:
+        return -1
+    factor, ratio = 1.0, DECREASE
+    for i in range(6):
+        factor = max(factor, abs(m.force[i, TORQUE]) / law.limit[i])
+    copy_numbers(m.z, m.kept)
+    while factor > 1.0:
+        goal = max(ratio * factor, 1.0)
+        scale_limits(law, goal)
+        if law.soil:
+            count = newton(s, rover, law, True, SLIP_SCALE, SMOOTHING, STEPS, HALVINGS, RESIDUAL, m)
+        else:
+            count = primal_dual(s, rover, law, START_SCALE, START_RATIO, m)
+        scale_limits(law, 1.0 / goal)
+        if count >= 0:
+            factor, total = goal, total + count
+            copy_numbers(m.z, m.kept)
+        else:
+            copy_numbers(m.kept, m.z)
+            ratio = math.sqrt(ratio)
+            if ratio > LEAST_DECREASE:
+                return -1
+    return total

@@ -17,7 +17,7 @@ from ..solve.newton import CONVERGED, NOT_CONVERGED, beyond_stops, settle_contac
 from .balance_residual import MOTION_SIZE, Law, Motion, new_motion, reset_motion
 from .contact_law import FORCE, OVERLOAD, RIM, SINKAGE, TORQUE
 from .drive_state import STATE_SIZE, Drive, State, any_free, keep, new_state, restore, set_on_ground, set_raised
-from .equilibrium_motion import solve_motion
+from .equilibrium_motion import solve_limited
 from .linear import copy_numbers
 from .near import settle_near
 from .station import FREE, STATION_SIZE, Station, balance_at, new_station, settled_rates
@@ -128,7 +128,7 @@ def evaluate(
     if fastest == 0.0:
         fastest = drive.reference
     law = Law(drive.friction, soil, drive.tables, drive.table_of, weight, state.rim, state.limit, fastest, state.free)
-    steps = solve_motion(s, rover, law, m)
+    steps = solve_limited(s, rover, law, m)
     if steps < 0:
         return NO_BALANCE, 0
     done = lost = overload = 0.0
