@@ -39,7 +39,7 @@ RELAXATIONS = 150  # steps of a relaxation
 DAMPED = 1.0  # first damping of a relaxation: at the reference speed, this share of the weight
 LEAST_DAMPED, MOST_DAMPED = 1e-12, 30.0  # least and largest damping
 LESS_DAMPED, MORE_DAMPED = 0.4, 3.0  # factors on the damping after a step that decreases the residual, and after another
-UNLIMITED = 1e12  # factor on torque limits at which they have no effect
+UNLIMITED = 2.0**40  # factor on torque limits at which they have no effect
 DECREASE, LEAST_DECREASE = 0.9, 0.995  # of torque limits: at first, and before the search ends
 FASTEST = 30.0  # times the reference speed: a faster motion is no equilibrium
 
