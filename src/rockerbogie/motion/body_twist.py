@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,7 +21,16 @@ from ..settling.pose import Pose
 from .jacobian import ContactState, batch_shape, contact_planes, reading
 
 UNKNOWNS = 9  # twist, rocker rate, bogie rates
-_STILL = np.zeros(3)
+#: Columns of readings that each argument fills, and the lengths of its last axes.
+SENSORS: dict[str, tuple[int | slice, tuple[int, ...]]] = {
+    "wheel_rates": (slice(at.R_WHEEL, at.R_WHEEL + 6), (6,)),
+    "steering_rates": (slice(at.R_STEERING_RATE, at.R_STEERING_RATE + 6), (6,)),
+    "rocker_rate": (at.R_ROCKER_RATE, ()),
+    "bogie_rates": (slice(at.R_BOGIE_RATE, at.R_BOGIE_RATE + 2), (2,)),
+    "gyro": (slice(at.R_GYRO, at.R_GYRO + 3), (3,)),
+    "inclinometer_rates": (slice(at.R_TILT_RATE, at.R_TILT_RATE + 2), (2,)),
+}
+_NO_SLIP = np.zeros((6, 3))
 
 
 @dataclass(frozen=True)
@@ -45,6 +55,9 @@ class RatePrior:
 
     joint: ArrayLike = np.inf  # rad/s, rocker and bogies
     tilt: ArrayLike = np.inf  # rad/s, rates of roll and pitch; ωx and ωy if the pose has neither
+
+
+_NOISE, _PRIOR = SensorNoise(), RatePrior()
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,68 +117,80 @@ def body_twist(
     Raises:
         RockerbogieError: a pose of another rover, a reading whose shape does not fit, or that is infinite.
     """
-    noise, prior, rate = noise or SensorNoise(), prior or RatePrior(), np.zeros(2)
-    unmeasured = np.full(3, np.nan)
-    wheels = rover.wheel_radius * (np.full(6, np.nan) if wheel_rates is None else reading("wheel_rates", wheel_rates, 6))
-    slip = np.zeros((6, 3)) if expected_slip is None else reading("expected_slip", expected_slip, 6, 3)
-    rocker = unmeasured[:1] if rocker_rate is None else reading("rocker_rate", rocker_rate)[..., None]
-    bogies = unmeasured[:2] if bogie_rates is None else reading("bogie_rates", bogie_rates, 2)
-    angular = unmeasured if gyro is None else reading("gyro", gyro, 3)
-    tilting = unmeasured[:2] if inclinometer_rates is None else reading("inclinometer_rates", inclinometer_rates, 2)
-    turned = np.zeros(6) if steering_rates is None else reading("steering_rates", steering_rates, 6)
+    values = {
+        "wheel_rates": wheel_rates, "steering_rates": steering_rates, "rocker_rate": rocker_rate, "bogie_rates": bogie_rates,
+        "gyro": gyro, "inclinometer_rates": inclinometer_rates,
+    }  # fmt: skip
+    given = {name: reading(name, value, *SENSORS[name][1]) for name, value in values.items() if value is not None}
+    slip = _NO_SLIP if expected_slip is None else reading("expected_slip", expected_slip, 6, 3)
     planes = contact_planes(rover, pose)
     turn = planes.steering if steering is None else check_steering(rover, steering)
     tilt = _attitude(pose)
     if tilt is None and inclinometer_rates is not None:
         raise RockerbogieError("inclinometer_rates need the attitude: give a pose that has roll and pitch")
-    if tilt is not None:  # without an attitude, its rates say nothing
-        unknown = np.isnan(tilt)
-        if unknown.any():
-            lost = unknown.any(axis=-1, keepdims=True)
-            tilting, rate = np.where(lost, np.nan, tilting), np.where(lost, np.nan, rate)
-    given = {"wheel_rates": wheels, "rocker_rate": rocker, "bogie_rates": bogies, "gyro": angular, "inclinometer_rates": tilting}
-    shapes = {name: value.shape[:-1] for name, value in (given | {"steering_rates": turned, "steering": turn}).items()}
-    shape = batch_shape(pose=planes.shape, expected_slip=slip.shape[:-2], **shapes)
-    parts: list[tuple[int, int, Array, Any]] = [
-        (at.E_ALONG, 6, wheels + slip[..., 0], noise.roll_slip),
-        (at.E_ACROSS, 6, slip[..., 1], noise.side_slip),
-        (at.E_OFF, 6, slip[..., 2], noise.lift),
-        (at.E_JOINT, 1, rocker, noise.joint_rate),
-        (at.E_JOINT + 1, 2, bogies, noise.joint_rate),
-        (at.E_GYRO, 3, angular, noise.gyro),
-        (at.E_TILT, 2, tilting, noise.inclinometer),
-        (at.E_PRIOR_JOINT, 3, _STILL, prior.joint if isinstance(prior.joint, float) else np.asarray(prior.joint)[..., None]),
-        (at.E_PRIOR_TILT, 2, rate, prior.tilt if isinstance(prior.tilt, float) else np.asarray(prior.tilt)[..., None]),
-    ]
-    for _, size, _, sigma in parts:
-        if isinstance(sigma, float) and sigma > 0.0:  # a number fits every shape
-            continue
-        if not (np.asarray(sigma, dtype=float) > 0).all() or np.shape(sigma)[-1:] not in ((), (1,), (size,)):
-            raise RockerbogieError(f"a standard deviation of {sigma!r:.60} is not above 0, or does not fit {size} readings")
-        shape = np.broadcast_shapes(shape, np.broadcast_shapes(np.shape(sigma), (size,))[:-1])
-    values, sigmas = np.empty((*shape, at.E_SIZE)), np.empty((*shape, at.E_SIZE))
-    for first, size, value, sigma in parts:
-        values[..., first : first + size] = value
-        sigmas[..., first : first + size] = sigma
+    sigma = _deviations(noise or _NOISE, prior or _PRIOR)
+    shapes = {name: value.shape[: value.ndim - len(SENSORS[name][1])] for name, value in given.items()}
+    shape = batch_shape(
+        pose=planes.shape, **shapes, expected_slip=slip.shape[:-2], steering=turn.shape[:-1], noise=sigma.shape[:-1],
+        attitude=() if tilt is None else tilt.shape[:-1],
+    )  # fmt: skip
     readings = planes.readings(shape, turn)
-    readings[..., at.R_STEERING_RATE : at.R_STEERING_RATE + 6] = turned
+    for name, value in given.items():
+        readings[..., SENSORS[name][0]] = value
+    if tilt is not None:
+        readings[..., at.R_TILT : at.R_TILT + 2] = tilt
     n = math.prod(shape)
-    A, counts, rows = np.empty((n, at.E_SIZE, UNKNOWNS + 1)), np.empty(n, dtype=np.int64), np.empty((*shape, 6, 4, UNKNOWNS + 1))
-    x, covariance = np.empty((n, UNKNOWNS)), np.empty((n, UNKNOWNS, UNKNOWNS))
-    tilts = np.full((n, 2), np.nan) if tilt is None else flat(spanned(tilt, (*shape, 2)), 2)
+    A, rows, is_open = np.empty((n, at.E_SIZE, UNKNOWNS + 1)), np.empty((n, 6, 4, UNKNOWNS + 1)), np.empty(n, dtype=np.bool_)
+    x, covariance, residual = np.empty((n, UNKNOWNS)), np.empty((n, UNKNOWNS, UNKNOWNS)), np.empty((n, 6, 3))
     parallel_for(
         kernel.twist_batch, n, rover.packed, rover.steers.copy(), flat(readings, at.R_SIZE), *planes.flat(shape),
-        steering is not None, tilts, flat(values, at.E_SIZE), flat(sigmas, at.E_SIZE),
-        A, counts, x, covariance, flat(rows, 6, 4, UNKNOWNS + 1),
+        steering is not None, tilt is not None, _shared(slip, shape, 6, 3), _shared(sigma, shape, at.E_SIZE),
+        A, is_open, x, covariance, rows, residual,
     )  # fmt: skip
-    open_ = counts < 0
-    if open_.any():  # sensors that do not determine the whole motion
-        x[open_], covariance[open_] = _least_squares(A[open_, :, :UNKNOWNS], A[open_, :, UNKNOWNS])
+    if np.count_nonzero(is_open):  # sensors that do not determine the whole motion
+        x[is_open], covariance[is_open] = _least_squares(A[is_open, :, :UNKNOWNS], A[is_open, :, UNKNOWNS])
+        # Unknowns that are not determined are NaN, and so is every contact that depends on them.
+        residual[is_open] += (rows[is_open, :, :3, :UNKNOWNS] @ x[is_open, None, :, None])[..., 0]
     x, covariance = x.reshape(*shape, UNKNOWNS), covariance.reshape(*shape, UNKNOWNS, UNKNOWNS)
-    # Unknowns that are not determined are NaN, and so is every contact that depends on them.
-    contact = (rows[..., :3, :UNKNOWNS] @ x[..., None, :, None])[..., 0] + rows[..., :3, UNKNOWNS] * turned[..., None]
-    contact[..., 0] -= wheels
-    return Motion(x[..., :6], covariance[..., :6, :6], x[..., 6], x[..., 7:], contact)
+    return Motion(x[..., :6], covariance[..., :6, :6], x[..., 6], x[..., 7:], residual.reshape(*shape, 6, 3))
+
+
+def _shared(array: Array, shape: tuple[int, ...], *tail: int) -> Array:
+    """Return an array as (n, *tail), as `flat`; or (1, *tail) if it has no batch axes."""
+    return flat(array if array.ndim == len(tail) else spanned(array, (*shape, *tail)), *tail)
+
+
+def _deviations(noise: SensorNoise, prior: RatePrior) -> Array:
+    """Return the standard deviations (..., E_SIZE) of all equations of a twist."""
+    sigmas = (
+        noise.roll_slip, noise.side_slip, noise.lift, noise.joint_rate, noise.gyro, noise.inclinometer, prior.joint, prior.tilt
+    )  # fmt: skip
+    return _row_of_numbers(*sigmas) if {*map(type, sigmas)} == {float} else _row(*sigmas)
+
+
+def _row(
+    roll: ArrayLike, side: ArrayLike, lift: ArrayLike, joint: ArrayLike, gyro: ArrayLike, inclinometer: ArrayLike,
+    prior_joint: ArrayLike, prior_tilt: ArrayLike,
+) -> Array:  # fmt: skip
+    """Return standard deviations as the columns (..., E_SIZE) that kernels take; raise if one does not fit."""
+    parts = (
+        (at.E_ALONG, 6, roll), (at.E_ACROSS, 6, side), (at.E_OFF, 6, lift), (at.E_JOINT, 1, joint), (at.E_JOINT + 1, 2, joint),
+        (at.E_GYRO, 3, gyro), (at.E_TILT, 2, inclinometer),
+        (at.E_PRIOR_JOINT, 3, np.asarray(prior_joint)[..., None]), (at.E_PRIOR_TILT, 2, np.asarray(prior_tilt)[..., None]),
+    )  # fmt: skip
+    shape: tuple[int, ...] = ()
+    for _, size, sigma in parts:
+        if not (np.asarray(sigma, dtype=float) > 0).all() or np.shape(sigma)[-1:] not in ((), (1,), (size,)):
+            raise RockerbogieError(f"a standard deviation of {sigma!r:.60} is not above 0, or does not fit {size} readings")
+        shape = np.broadcast_shapes(shape, np.shape(sigma)[:-1])
+    row = np.empty((*shape, at.E_SIZE))
+    for first, size, sigma in parts:
+        row[..., first : first + size] = sigma
+    return row
+
+
+#: `_row` for numbers: callers give the same ones in every call.
+_row_of_numbers: Callable[..., Array] = lru_cache(maxsize=16)(_row)
 
 
 def _attitude(pose: ContactState) -> Array | None:

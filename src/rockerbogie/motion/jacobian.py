@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -38,6 +38,10 @@ SYSTEM_COLUMNS = JACOBIAN_COLUMNS[:3] + tuple(f"{name}_{i}" for name in JACOBIAN
 ROW_NAMES = ("roll_slip", "side_slip", "lift", "turn_slip", "pitch")
 #: Columns of `contact_rows`: the body's twist, and the rates of the suspension and of the wheel's steering.
 ROW_COLUMNS = ("vx", "vy", "vz", "wx", "wy", "wz", "rocker", "bogie_left", "bogie_right", "steering")
+
+#: Readings of an interval without any.
+NO_READINGS = np.full(at.R_SIZE, np.nan)
+NO_READINGS[at.R_STEERING_RATE : at.R_STEERING_RATE + 6] = 0.0
 
 
 class ContactState(Protocol):
@@ -192,8 +196,7 @@ def system_jacobian(rover: Rover, pose: ContactState, steering: ArrayLike | None
     return S
 
 
-@dataclass(frozen=True, eq=False)
-class ContactPlanes:
+class ContactPlanes(NamedTuple):
     """Joint angles of a pose, and the planes that its wheels stand on, as kernels take them."""
 
     rocker: Array  # (...) rad
@@ -217,9 +220,10 @@ class ContactPlanes:
             steering: (..., 6) rad.
 
         Returns:
-            (*shape, R_SIZE), with all rates 0.
+            (*shape, R_SIZE), with steering rates 0 and the others NaN.
         """
-        found = np.zeros((*shape, at.R_SIZE))
+        found = np.empty((*shape, at.R_SIZE))
+        found[...] = NO_READINGS
         found[..., at.R_ROCKER] = self.rocker
         found[..., at.R_BOGIE : at.R_BOGIE + 2] = self.bogie
         found[..., at.R_STEERING : at.R_STEERING + 6] = steering

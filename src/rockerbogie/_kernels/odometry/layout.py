@@ -62,7 +62,7 @@ C_SIDE_SLIP = 21  # (6,) slip across the wheels there, m/s
 C_TURN_SLIP = 27  # (6,) turn slip about z of the contact frame there, rad/s
 C_SIZE = 33
 
-# Equations of a twist from sensors, in order: their values and standard deviations.
+# Equations of a twist from sensors, in order: their standard deviations.
 E_ALONG, E_ACROSS, E_OFF = 0, 6, 12  # (6,) each, of the contacts, m/s
 E_JOINT = 18  # (3,) rates of rocker and bogies, rad/s
 E_GYRO = 21  # (3,) rad/s
