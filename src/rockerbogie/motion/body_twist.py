@@ -172,7 +172,7 @@ def _row(
     roll: ArrayLike, side: ArrayLike, lift: ArrayLike, joint: ArrayLike, gyro: ArrayLike, inclinometer: ArrayLike,
     prior_joint: ArrayLike, prior_tilt: ArrayLike,
 ) -> Array:  # fmt: skip
-    """Return standard deviations as the columns (..., E_SIZE) that kernels take; raise if one does not fit."""
+    """Return standard deviations as the columns (..., E_SIZE) that kernels take, or raise."""
     parts = (
         (at.E_ALONG, 6, roll), (at.E_ACROSS, 6, side), (at.E_OFF, 6, lift), (at.E_JOINT, 1, joint), (at.E_JOINT + 1, 2, joint),
         (at.E_GYRO, 3, gyro), (at.E_TILT, 2, inclinometer),
