@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rockerbogie as rb
-from rockerbogie.lab.forces import force_vectors
+from rockerbogie.figures.force_arrows import force_vectors
 from rockerbogie.lab.picking import ray_hit
 from rockerbogie.lab.readings import measure, readings, readings_html, status_line, wheels_html
 from rockerbogie.lab.state import LabState, standing, start_position

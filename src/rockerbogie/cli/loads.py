@@ -18,7 +18,22 @@ from ..settling.pose import Pose
 from ..settling.settle import settle
 from ..statics.loads import LAWS, LoadStatus, WheelLoads, wheel_loads
 from ..statics.stability import Stability, stability
-from .common import Json, Linear, RoverName, TerrainName, middle, parse_gravity, parse_point, print_json
+from .common import (
+    Folder,
+    Force,
+    Json,
+    Linear,
+    RoverName,
+    TerrainName,
+    guard_outputs,
+    in_folder,
+    make_folder,
+    middle,
+    parse_gravity,
+    parse_point,
+    print_json,
+)
+from .pictures import Format, Pictures, Theme
 from .rasters import Raster, load_terrain
 
 #: Exit code if no forces balance the pose: a result, not a wrong call.
@@ -46,10 +61,15 @@ def loads(
     drawbar: float = 0.0,
     linear: Linear = None,
     raster: Raster = None,
+    output: Folder = None,
+    format: Format = "png",
+    theme: Theme = "light",
+    force: Force = False,
     json: Json = False,
 ) -> int:
     """Compute wheel loads, required friction, motor torques and the tip margin at one position.
 
+    Prints the numbers; with -o also draws the forces as arrows on the rover (loads.png).
     Exits 1 if no forces balance the pose, 2 for wrong input.
 
     Parameters
@@ -72,12 +92,21 @@ def loads(
         Force that pulls the body backward, N.
     linear
         Bilinear or smooth cubic terrain between the nodes. Default: cubic for files.
+    output
+        Folder for the picture.
+    format
+        Format of the picture: png; svg or pdf for print.
+    theme
+        Colours of the picture: light or dark page.
+    force
+        Replace existing output files that rockerbogie did not write. Inputs are never replaced.
     json
         Print JSON (SI units, radians) instead of the table.
     """
     if law not in LAWS:
         raise RockerbogieError(f"--law {law!r} is not known; give one of {', '.join(LAWS)}")
-    field = parse_gravity(gravity)
+    drawn, field = Pictures(format, theme), parse_gravity(gravity)
+    guard_outputs(in_folder(output, drawn.name("loads")), terrain, rover, force=force)
     machine = load_rover(rover)
     surface = load_terrain(terrain, linear, raster)
     x, y = middle(surface) if at is None else parse_point(at, "--at")
@@ -85,11 +114,18 @@ def loads(
     result = wheel_loads(pose, gravity=field, drawbar=drawbar, law=law)  # type: ignore[arg-type]
     tip = stability(pose, gravity=field)
     status = LoadStatus(int(result.status))
+    files = []
+    if output is not None and np.isfinite(pose.z):
+        from ..figures.load_closeup import loads_figure
+
+        files.append(drawn.save(loads_figure(pose, result, tip, field), make_folder(output), "loads"))
     if json:
-        print_json(_record(pose, result, status, field) | _margins(tip))
+        print_json(_record(pose, result, status, field) | _margins(tip) | {"files": files})
     else:
         _print_tables(pose, result, status, field)
         _print_margins(tip)
+        for file in files:
+            print(file)
     return 0 if status == LoadStatus.BALANCED else EXIT_NO_BALANCE
 
 

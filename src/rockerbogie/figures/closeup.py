@@ -46,42 +46,72 @@ def pose_figure(
     Returns:
         The figure.
     """
+    with look():
+        fig = figure(11.4, 6.6)
+        draw_pose(fig, rover, terrain, record, title, view=view)
+        _write_numbers(numbers_beside(fig), rover, record)
+    return fig
+
+
+def draw_pose(
+    fig: Figure, rover: Rover, terrain: Terrain, record: xr.Dataset, title: str, *, note: str = "",
+    view: tuple[float, float] | None = None,
+) -> tuple[Axes, Camera]:  # fmt: skip
+    """Draw the rover in one pose with its contacts, beside the place for numbers.
+
+    Args:
+        fig: a figure of 11.4 × 6.6 inches.
+        rover, terrain, record, title, view: as for `pose_figure`.
+        note: what else the picture shows.
+
+    Returns:
+        Axes in pixels, and the camera.
+    """
     bounds = patch_around(rover, record, terrain)
     base = block_base(sample_ground(terrain, bounds)[2])
     mesh = Mesh.join([ground_mesh(terrain, bounds, base), stance_mesh(rover, record)])
     azimuth, elevation = view or (_seen_from(terrain, record, bounds), np.radians(21))
     camera = Camera.framing(mesh.corners, azimuth, elevation, _SIZE, margin=(0.06, 0.04, 0.03, 0.10))
     origin = (float(np.floor(bounds[0])), float(np.floor(bounds[1]))) if max(map(abs, bounds)) > 1e4 else (0.0, 0.0)
-    with look():
-        fig = figure(11.4, 6.6)
-        fig.set_layout_engine("none")
-        ax = fig.add_axes((0, 0, 0.72, 0.94))
-        draw(ax, mesh, camera, float(record["yaw"]), grid_step(bounds))
-        rule_block(ax, camera, bounds, base, origin)
-        point = record["contact_point"].values
-        place = camera.project(point)[:, :2]
-        behind = hidden_by(mesh, camera, point) > 1.2 * (rover.wheel_radius + rover.wheel_width)  # by more than its own wheel
-        lifted = record["gap"].values > _LIFTED
-        for i, name in enumerate(rover.wheel_names):
-            if np.isfinite(place[i]).all():
-                fill, shown = ("none", 0.5) if behind[i] else ("white" if lifted[i] else "#F0E442", 1.0)
-                ax.plot(
-                    *place[i], "o", ms=6, mfc=fill, mec=_ALARM if lifted[i] else INK, mew=1.5 if lifted[i] else 1.0, alpha=shown
-                )
-                ax.annotate(
-                    name, place[i], xytext=(0, -15), textcoords="offset points", ha="center", fontsize=9.5, fontweight="bold",
-                    color=(LEFT, RIGHT)[i % 2], path_effects=_HALO, alpha=0.6 if behind[i] else 1.0,
-                )  # fmt: skip
-        fig.text(0.02, 0.955, title, fontsize=13, fontweight="bold")
-        air = ", red ring: wheel off the ground" if lifted.any() else ""
-        note = f"contact points in yellow (outlined: hidden){air} · grid {grid_step(bounds):g} m"
-        if origin != (0.0, 0.0):
-            note += f" · axes from ({origin[0]:.0f}, {origin[1]:.0f})"
-        fig.text(0.02, 0.92, note, fontsize=8.5, color="#666666")
-        numbers = fig.add_axes((0.72, 0.02, 0.27, 0.9))
-        numbers.set_axis_off()
-        _write_numbers(numbers, rover, record)
-    return fig
+    fig.set_layout_engine("none")
+    ax = fig.add_axes((0, 0, 0.72, 0.94))
+    draw(ax, mesh, camera, float(record["yaw"]), grid_step(bounds))
+    rule_block(ax, camera, bounds, base, origin)
+    point = record["contact_point"].values
+    place = camera.project(point)[:, :2]
+    behind = hidden_by(mesh, camera, point) > 1.2 * (rover.wheel_radius + rover.wheel_width)  # by more than its own wheel
+    lifted = record["gap"].values > _LIFTED
+    for i, name in enumerate(rover.wheel_names):
+        if np.isfinite(place[i]).all():
+            fill, shown = ("none", 0.5) if behind[i] else ("white" if lifted[i] else "#F0E442", 1.0)
+            ax.plot(*place[i], "o", ms=6, mfc=fill, mec=_ALARM if lifted[i] else INK, mew=1.5 if lifted[i] else 1.0, alpha=shown)
+            ax.annotate(
+                name, place[i], xytext=(0, -15), textcoords="offset points", ha="center", fontsize=9.5, fontweight="bold",
+                color=(LEFT, RIGHT)[i % 2], path_effects=_HALO, alpha=0.6 if behind[i] else 1.0,
+            )  # fmt: skip
+    fig.text(0.02, 0.955, title, fontsize=13, fontweight="bold")
+    air = ", red ring: wheel off the ground" if lifted.any() else ""
+    told = f"contact points in yellow (outlined: hidden){air}{note} · grid {grid_step(bounds):g} m"
+    if origin != (0.0, 0.0):
+        told += f" · axes from ({origin[0]:.0f}, {origin[1]:.0f})"
+    fig.text(0.02, 0.92, told, fontsize=8.5, color="#666666")
+    return ax, camera
+
+
+def numbers_beside(fig: Figure) -> Axes:
+    """Add axes for the numbers beside a pose.
+
+    Args:
+        fig: figure of `draw_pose`.
+
+    Returns:
+        Axes from 0 to 1, without lines.
+    """
+    ax = fig.add_axes((0.72, 0.02, 0.27, 0.9))
+    ax.set_axis_off()
+    ax.set_xlim(0, 1)
+    ax.set_ylim(0, 1)
+    return ax
 
 
 def _write_numbers(ax: Axes, rover: Rover, record: xr.Dataset) -> None:
@@ -139,8 +169,6 @@ def _write_numbers(ax: Axes, rover: Rover, record: xr.Dataset) -> None:
     y -= 1.6 * line
     ax.text(0.0, y, status.name, fontweight="bold", color="#00704f" if status == Status.CONVERGED else _ALARM)
     ax.text(0.0, y - line, MEANING[status][0], fontsize=8.5, color="#555555", wrap=True, va="top")
-    ax.set_xlim(0, 1)
-    ax.set_ylim(0, 1)
 
 
 def _millimetres(gap: float) -> str:

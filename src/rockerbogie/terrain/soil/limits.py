@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import Any
 
 from ..._kernels.soil import layout as lay
 from ...errors import RockerbogieError
-
-if TYPE_CHECKING:
-    from .laws import Soil
 
 #: Limits of parameters: low, high, unit and a hint.
 _LIMITS = {
@@ -62,11 +59,11 @@ def check_range(name: str, value: float, low: float, high: float, unit: str, hin
         raise RockerbogieError(f"{name} is {shown}{unit}; it must be from {low:g} to {high:g}{unit}{tail}")
 
 
-def check_soil(soil: Soil) -> None:
+def check_soil(soil: Any) -> None:
     """Check the parameters of a soil.
 
     Args:
-        soil: the soil.
+        soil: a `Soil`.
 
     Raises:
         RockerbogieError: a parameter is negative, out of range or in wrong units.
