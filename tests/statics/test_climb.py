@@ -20,6 +20,7 @@ from rockerbogie.statics.climb import station_balance
 from rockerbogie.statics.climb_limits import step_friction
 from rockerbogie.statics.contacts import PackedContacts
 from rockerbogie.statics.hub_curve import HubCurve
+from rockerbogie.statics.planar import planar_rover
 from rockerbogie.statics.planar_forces import equal_friction, least_friction, least_torque
 from rockerbogie.statics.planar_run import run_over
 
@@ -425,6 +426,26 @@ def test_across_slope_tips_where_the_lower_wheels_are() -> None:
     # the outer edges of the lower treads carry all: corner wheels are nearer than middle wheels
     track = np.abs(rover.hubs[:, 1]) + rover.wheel_width / 2
     assert np.arctan(track.min() / height) < limits.slope_across < np.arctan(track.max() / height)
+
+
+def test_across_slope_is_that_of_the_worse_side() -> None:
+    rover = rb.load_rover("curiosity").replace(body_box=[[-0.6, -0.4, 0.6], [0.7, 0.4, 1.2]], masses="keep")
+    body = rover.body
+    left, right = (
+        rover.replace(body=rb.Link(body.mass, body.com + [0.0, y, 0.0], body.inertia), masses="keep") for y in (0.2, -0.2)
+    )
+    found = [rb.limits_of(r, friction=3.0).slope_across for r in (rover, left, right)]
+    assert found[1] == pytest.approx(found[2], abs=1e-4)
+    assert found[1] < found[0] - 0.03
+
+
+def test_unequal_masses_of_both_sides_are_added_up() -> None:
+    rover = rb.load_rover("curiosity")
+    uneven = [rb.Link(w.mass * (1.6, 0.4)[i % 2], w.com, w.inertia) for i, w in enumerate(rover.wheels)]
+    heavy_left = rover.replace(wheels=uneven, masses="keep")
+    got, expected = planar_rover(heavy_left, False), planar_rover(rover, False)
+    for name in ("upper_mass", "bogie_mass", "upper", "bogie"):
+        assert getattr(got, name) == pytest.approx(getattr(expected, name), rel=1e-12)
 
 
 def test_highest_step_is_where_climb_begins_to_fail() -> None:

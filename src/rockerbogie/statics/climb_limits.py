@@ -240,13 +240,15 @@ def _slope_verdict(plane: PlanarRover, angle: Array, friction: float, torque: fl
 def _across_verdict(rover: Rover, angle: Array, friction: float) -> list[str]:
     """Return why cross slopes (n,) fail; "" where they do not.
 
-    The rover stands on a plane; gravity is turned by an acceleration that is added to it.
+    The rover stands on a plane; gravity is turned to either side by an acceleration that is added to it.
     """
     g = GRAVITY["earth"]
     size = 2.0 * float(np.abs(rover.hubs).max() + rover.wheel_radius.max() + rover.wheel_width.max())
     pose = settle(rover, surfaces.plane(size=2.0 * size, spacing=size / 8.0), np.zeros(angle.size), 0.0, 0.0)
-    turned = g * np.stack([0.0 * angle, np.sin(angle), np.cos(angle) - 1.0], axis=-1)
-    required = wheel_loads(pose, gravity=g, acceleration=turned).required_friction
+    required = np.zeros(angle.size)
+    for side in (1.0, -1.0):
+        turned = g * np.stack([0.0 * angle, side * np.sin(angle), np.cos(angle) - 1.0], axis=-1)
+        required = np.maximum(required, wheel_loads(pose, gravity=g, acceleration=turned).required_friction)
     for k in range(angle.size - 1, -1, -1):  # a slope without a solution needs at most what the next steeper one does
         if np.isnan(required[k]):
             required[k] = required[k + 1] if k + 1 < angle.size else np.inf

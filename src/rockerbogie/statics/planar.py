@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RockerbogieError, RoverError
+from ..rover.masses import Link
 from ..rover.model import Rover
 from .hub_curve import HubCurve
 
@@ -73,7 +74,7 @@ def planar_rover(rover: Rover, backward: bool) -> PlanarRover:
     """Return a rover in its plane of symmetry.
 
     Args:
-        rover: with masses; the mean of both sides is taken.
+        rover: with masses; the mean of both sides is taken, with masses added up.
         backward: True if it drives backward: mirrored.
 
     Returns:
@@ -111,12 +112,13 @@ def planar_rover(rover: Rover, backward: bool) -> PlanarRover:
         return complex(pivot + swing * (point - pivot))
 
     hubs = [on_rocker(plane(rover.hubs[2 * k : 2 * k + 2])) for k in range(3)]
-    wheels = [
-        (2.0 * rover.wheels[2 * k].mass, on_rocker(plane(np.array([w.com for w in rover.wheels[2 * k : 2 * k + 2]]))))
-        for k in range(3)
-    ]
-    rockers = (sum(k.mass for k in rover.rockers), on_rocker(plane(np.array([k.com for k in rover.rockers]))))
-    bogies = (sum(k.mass for k in rover.bogies), on_rocker(plane(np.array([k.com for k in rover.bogies]))))
+
+    def both(pair: tuple[Link, ...]) -> tuple[float, complex]:
+        mass, centre = _joined(*((part.mass, plane(part.com[None])) for part in pair))
+        return mass, on_rocker(centre)
+
+    wheels = [both(rover.wheels[2 * k : 2 * k + 2]) for k in range(3)]
+    rockers, bogies = both(rover.rockers), both(rover.bogies)
     upper_mass, upper = _joined((rover.body.mass, plane(rover.body.com)), rockers, wheels[0])
     bogie_mass, bogie = _joined(bogies, wheels[1], wheels[2])
     (x0, _, z0), (x1, _, z1) = rover.body_box
