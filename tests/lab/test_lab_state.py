@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import rockerbogie as rb
-from rockerbogie.figures.force_arrows import force_vectors
 from rockerbogie.lab.picking import ray_hit
 from rockerbogie.lab.readings import measure, readings, readings_html, status_line, wheels_html
 from rockerbogie.lab.state import LabState, standing, start_position
+from rockerbogie.statics.force_vectors import force_vectors
 
 
 @pytest.fixture(scope="module")

@@ -17,11 +17,11 @@ from ..rover.model import Rover
 from ..statics.climb import REASONS, Climb
 from ..statics.climb_limits import step_friction
 from .film import ENDINGS, Picture, write_pictures
-from .style import INK, LEFT, RIGHT, figure, look
+from .style import ALARM, FORCE, INK, LEFT, RIGHT, figure, look
 
 Array = NDArray[np.float64]
 
-_GROUND, _BODY, _FAINT, _BOGIE, _FORCE, _ALARM = "#d9cbb8", "#f0ece0", "#888888", "#56B4E9", "#009E73", "#b00000"
+_GROUND, _BODY, _FAINT, _BOGIE = "#d9cbb8", "#f0ece0", "#888888", "#56B4E9"
 _FORWARD, _BACKWARD = "#009E73", "#CC79A7"
 #: Length of the arrow of a force of a sixth of the weight, in units of the wheelbase.
 ARROW = 0.16
@@ -50,7 +50,7 @@ def climb_figure(run: Climb, title: str = "") -> Figure:
         friction.sharex(torque)
         friction.tick_params(labelbottom=False)
         fig.suptitle(
-            title or _headline(run), x=0.01, ha="left", fontsize=10.5, fontweight="bold", color=_ALARM if run.limit else INK
+            title or _headline(run), x=0.01, ha="left", fontsize=10.5, fontweight="bold", color=ALARM if run.limit else INK
         )
     return fig
 
@@ -101,7 +101,7 @@ def _on_body(run: Climb, k: int, x: Any, z: Any) -> NDArray[np.complex128]:
 
 
 def _arrows(axes: Any, run: Climb, k: int) -> None:
-    """Draw the contact force of each axle as an arrow that ends at the contact."""
+    """Draw the contact force of each axle as an arrow that begins at the contact."""
     scale = ARROW * run.rover.wheelbase / (run.rover.mass * run.gravity / 6.0)
     for i in range(0, 6, 2):
         n = run.contact_normal[k, i]
@@ -111,7 +111,7 @@ def _arrows(axes: Any, run: Climb, k: int) -> None:
         point = run.contact_point[k, i]
         axes.annotate(
             "", point + force * scale, point, zorder=8,
-            arrowprops={"arrowstyle": "-|>", "color": _FORCE, "lw": 2.0, "shrinkA": 0, "shrinkB": 0},
+            arrowprops={"arrowstyle": "-|>", "color": FORCE, "lw": 2.0, "shrinkA": 0, "shrinkB": 0},
         )  # fmt: skip
 
 
@@ -188,7 +188,7 @@ def _mark(axes: Any, run: Climb, k: int) -> Any:
 
 def _colour_at(run: Climb, k: int) -> str:
     """Return the colour of the line at station k."""
-    return _ALARM if run.limit and k == run.station else _FORCE
+    return ALARM if run.limit and k == run.station else FORCE
 
 
 def step_chart(rover: Rover, friction: float | None = None, heights: Array | None = None) -> Figure:
@@ -276,7 +276,7 @@ def _pictures(run: Climb, at: NDArray[np.intp], progress: Callable[[int, int], N
         _side_view(view, run, int(at[0]), window)
         line = _friction_axes(friction, run, int(at[0]))
         friction.set_xlabel("distance (m)")
-        fig.suptitle(_headline(run), x=0.01, ha="left", fontsize=10, fontweight="bold", color=_ALARM if run.limit else INK)
+        fig.suptitle(_headline(run), x=0.01, ha="left", fontsize=10, fontweight="bold", color=ALARM if run.limit else INK)
         canvas = FigureCanvasAgg(fig)
         fig.draw_without_rendering()
     fig.set_layout_engine("none")  # that of the first picture, which takes half of its time, is that of all

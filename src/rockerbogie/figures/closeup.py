@@ -17,7 +17,7 @@ from .charts import tilt_of
 from .render import Camera, Mesh, hidden_by
 from .scene.terrain_mesh import block_base
 from .scene_drawing import Bounds, draw, grid_step, rule_block, stance_mesh
-from .style import INK, LEFT, RIGHT, figure, look
+from .style import ALARM, INK, LEFT, RIGHT, figure, look
 from .terrain_block import ground_mesh, sample_ground
 
 if TYPE_CHECKING:
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _SIZE = (1230, 930)
-_ALARM = "#b00000"
 _LIFTED = 5e-4  # m: a smaller gap of a simulated wheel counts as contact
 _HALO = [withStroke(linewidth=3, foreground="white")]
 
@@ -84,7 +83,7 @@ def draw_pose(
     for i, name in enumerate(rover.wheel_names):
         if np.isfinite(place[i]).all():
             fill, shown = ("none", 0.5) if behind[i] else ("white" if lifted[i] else "#F0E442", 1.0)
-            ax.plot(*place[i], "o", ms=6, mfc=fill, mec=_ALARM if lifted[i] else INK, mew=1.5 if lifted[i] else 1.0, alpha=shown)
+            ax.plot(*place[i], "o", ms=6, mfc=fill, mec=ALARM if lifted[i] else INK, mew=1.5 if lifted[i] else 1.0, alpha=shown)
             ax.annotate(
                 name, place[i], xytext=(0, -15), textcoords="offset points", ha="center", fontsize=9.5, fontweight="bold",
                 color=(LEFT, RIGHT)[i % 2], path_effects=_HALO, alpha=0.6 if behind[i] else 1.0,
@@ -165,9 +164,9 @@ def _write_numbers(ax: Axes, rover: Rover, record: xr.Dataset) -> None:
         )
         for cell, (head, x, side) in zip(cells, heads, strict=True):
             colour = (LEFT, RIGHT)[i % 2] if x == 0 else INK
-            ax.text(x, y, cell, ha=side, color=_ALARM if head == "gap (mm)" and gap > _LIFTED else colour)
+            ax.text(x, y, cell, ha=side, color=ALARM if head == "gap (mm)" and gap > _LIFTED else colour)
     y -= 1.6 * line
-    ax.text(0.0, y, status.name, fontweight="bold", color="#00704f" if status == Status.CONVERGED else _ALARM)
+    ax.text(0.0, y, status.name, fontweight="bold", color="#00704f" if status == Status.CONVERGED else ALARM)
     ax.text(0.0, y - line, MEANING[status][0], fontsize=8.5, color="#555555", wrap=True, va="top")
 
 

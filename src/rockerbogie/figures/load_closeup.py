@@ -7,14 +7,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..settling.pose import Pose
+from ..statics.force_vectors import force_vectors
 from ..statics.loads import LoadStatus, WheelLoads
 from ..statics.stability import Stability
 from .closeup import draw_pose, numbers_beside
-from .force_arrows import force_vectors
-from .style import INK, LEFT, RIGHT, figure, look
+from .style import ALARM, FORCE, INK, LEFT, RIGHT, figure, look
 
-_FORCE = "#c2185b"
-_ALARM = "#b00000"
 #: Length of the arrow of a force of a sixth of the weight, in wheelbases.
 _ARROW = 0.22
 _LINE = 0.039  # height of a line of numbers
@@ -48,7 +46,7 @@ def loads_figure(pose: Pose, loads: WheelLoads, tip: Stability, gravity: float) 
                 begin, end = camera.project(np.array([point, point + scale * force]))[:, :2]
                 ax.annotate(
                     "", end, begin, zorder=8,
-                    arrowprops={"arrowstyle": "-|>", "color": _FORCE, "lw": 2.0, "shrinkA": 0, "shrinkB": 0},
+                    arrowprops={"arrowstyle": "-|>", "color": FORCE, "lw": 2.0, "shrinkA": 0, "shrinkB": 0},
                 )  # fmt: skip
         _write_numbers(numbers_beside(fig), pose, loads, tip)
     return fig
@@ -87,4 +85,4 @@ def _write_numbers(ax: Axes, pose: Pose, loads: WheelLoads, tip: Stability) -> N
         for cell, (_, x) in zip(cells, _COLUMNS, strict=True):
             ax.text(x, y, cell, ha="left" if x == 0.0 else "right", color=INK if x else (LEFT, RIGHT)[i % 2])
     y -= 1.6 * _LINE
-    ax.text(0.0, y, status.name, fontweight="bold", color="#00704f" if held else _ALARM)
+    ax.text(0.0, y, status.name, fontweight="bold", color="#00704f" if held else ALARM)

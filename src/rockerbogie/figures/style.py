@@ -23,6 +23,8 @@ COLOURS = {
     "z": "#444444",
 }
 INK = "#222222"
+ALARM = "#b00000"  # what fails
+FORCE = "#009E73"  # arrows of forces
 DPI = 150
 
 _LOOK: dict[str, Any] = {

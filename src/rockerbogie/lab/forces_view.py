@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Array
-from ..figures.force_arrows import contact_arrows
 from ..settling.pose import Pose
 from ..statics.loads import WheelLoads
+from .forces import contact_arrows
 
 if TYPE_CHECKING:
     import viser

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..arrays import Array
 from ..settling.pose import Pose
+from ..statics.force_vectors import axle_directions, force_vectors
 from ..statics.loads import LoadStatus, WheelLoads
 
 #: Distance of the arrows from the outer side of a wheel, in wheel radii.
@@ -40,28 +41,5 @@ def contact_arrows(pose: Pose, loads: WheelLoads) -> Arrows:
     if int(loads.status) == LoadStatus.BALANCED:
         forces = force_vectors(pose, loads)
     half = np.array([1.0, -1.0] * 3) * (np.asarray(pose.rover.wheel_width) / 2 + BESIDE * pose.rover.wheel_radius)
-    outer = points + half[:, None] * _axles(pose)
+    outer = points + half[:, None] * axle_directions(pose)
     return Arrows(outer[held], normals[held], forces[held])
-
-
-def _axles(pose: Pose) -> Array:
-    """Return the directions of the axles, to the left, in world axes, (6, 3)."""
-    return np.asarray(np.einsum("ij,kj->ki", pose.T_world_body[:3, :3], pose.axle_frames[:, :3, 1]))
-
-
-def force_vectors(pose: Pose, loads: WheelLoads) -> Array:
-    """Return the contact force on each wheel in world axes.
-
-    Args:
-        pose: one pose, shape ().
-        loads: its contact forces.
-
-    Returns:
-        (6, 3) N: normal force, traction along the wheel's heading and side force to its left.
-    """
-    normal = pose.contact_normal
-    along = np.cross(_axles(pose), normal)
-    along /= np.maximum(np.linalg.norm(along, axis=-1, keepdims=True), 1e-300)
-    side = np.cross(normal, along)
-    parts = ((loads.normal, normal), (loads.traction, along), (loads.side, side))
-    return np.asarray(np.nan_to_num(sum(size[:, None] * way for size, way in parts)))
