@@ -254,6 +254,23 @@ def test_interrupted_without_a_traceback() -> None:
     assert said.strip() == "interrupted"
 
 
+def test_an_interrupt_in_a_callback_is_not_lost() -> None:
+    """Python drops an error raised while an object is freed; Ctrl-C must stop the command all the same."""
+    code = (
+        "import sys, time\nfrom rockerbogie import cli\n"
+        "class Freed:\n def __del__(self): print('on', flush=True); time.sleep(300)\n"
+        "def work(argv):\n Freed(); time.sleep(300)\n"
+        "cli._run = work\nsys.exit(cli.main([]))"
+    )
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
+        assert child.stdout is not None
+        assert child.stdout.readline() == "on\n"
+        child.send_signal(signal.SIGINT)
+        _, said = child.communicate(timeout=PATIENCE)
+    assert child.returncode == 130
+    assert said.strip() == "interrupted"
+
+
 def test_a_closed_pipe_is_no_error() -> None:
     code = (
         "import sys; from rockerbogie import cli; from rockerbogie.cli.common import print_json; "

@@ -19,6 +19,8 @@ import warnings
 from collections.abc import Sequence
 from typing import Any
 
+from .interrupts import repeat_dropped
+
 COMMANDS: dict[str, tuple[str, str]] = {
     "reproduce": ("rockerbogie.cli.reproduce:reproduce", "Reproduce section III of the paper: figures, data, animation, report."),
     "settle": ("rockerbogie.cli.settle:settle", "Compute the pose of a rover at one position, and show it."),
@@ -57,7 +59,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         Exit code: 0 done, 1 a negative result, 2 bad input (one sentence on stderr), 130 interrupted.
     """
     try:
-        code = _run(sys.argv[1:] if argv is None else list(argv))
+        with repeat_dropped():
+            code = _run(sys.argv[1:] if argv is None else list(argv))
         sys.stdout.flush()
     except KeyboardInterrupt:
         print("\ninterrupted", file=sys.stderr)
