@@ -48,7 +48,8 @@ def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
         (["--friction", "0.7", "--start", "0;0"], "give x,y in metres"),
         (["--soil", ""], "no soil named ''"),
         (["--soil", "none.toml"], "cannot read soil file 'none.toml'"),
-        (["--soil", "sand", "--friction", "0.7"], "give either friction="),
+        (["--soil", "sand", "--friction", "0.7"], "give either --friction"),
+        (["--friction", "0.7", "--grousers", "0.01"], "--grousers acts in soil only"),
     ],
 )
 def test_wrong_values_of_predict_are_refused(options: list[str], says: str, refused: Refused) -> None:

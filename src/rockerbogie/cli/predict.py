@@ -86,9 +86,9 @@ def predict(
     friction
         Coefficient of friction between wheels and rigid terrain. Give this or --soil.
     soil
-        Name of a soil preset, such as dry-sand (`rockerbogie soils` lists them).
+        Name of a soil preset, such as dry-sand (`rockerbogie soils` lists them), or a soil file.
     grousers
-        Height of the wheels' grousers in soil, m.
+        Height of the wheels' grousers in soil, m. Only with --soil.
     path
         Waypoints in the map's metres: "x,y x,y …"; or a .csv or .gpkg file, as `rockerbogie plan` writes.
         Default: straight along +x through the middle of the map, from edge to edge.
@@ -121,6 +121,10 @@ def predict(
         Print the result as JSON (SI units, radians) instead of the table.
     """
     guard_outputs([*in_folder(output, *FILES), *checked_page(html)], terrain, rover, path, force=force)
+    if (soil is None) == (friction is None):
+        raise RockerbogieError("give either --friction, a coefficient on rigid terrain, or --soil (rockerbogie soils lists them)")
+    if soil is None and grousers is not None:
+        raise RockerbogieError("--grousers acts in soil only: give --soil with it, or leave it out")
     field = parse_gravity(gravity)
     machine = load_rover(rover)
     surface = load_terrain(terrain, linear, raster)
