@@ -255,7 +255,7 @@ def test_interrupted_without_a_traceback() -> None:
 
 
 def test_an_interrupt_in_a_callback_is_not_lost() -> None:
-    """Python drops an error raised while an object is freed; Ctrl-C must stop the command all the same."""
+    """Python drops an error raised while an object is freed; Ctrl-C stops the command anyway."""
     code = (
         "import sys, time\nfrom rockerbogie import cli\n"
         "class Freed:\n def __del__(self): print('on', flush=True); time.sleep(300)\n"
