@@ -21,7 +21,7 @@ from rockerbogie.statics.climb_limits import step_friction
 from rockerbogie.statics.contacts import PackedContacts
 from rockerbogie.statics.hub_curve import HubCurve
 from rockerbogie.statics.planar import planar_rover
-from rockerbogie.statics.planar_forces import equal_friction, least_friction, least_torque
+from rockerbogie.statics.planar_forces import WEDGED, equal_friction, least_friction, least_torque
 from rockerbogie.statics.planar_run import run_over
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
@@ -268,6 +268,37 @@ def test_least_friction_is_the_edge_of_what_linear_programming_can_hold() -> Non
         assert np.isinf(program(a[k], b[k], mu[k] * (1 - 1e-4) - 1e-5, radius[k])) or mu[k] < 1e-5
 
 
+def test_wheels_that_press_against_each_other_need_less_friction() -> None:
+    """Compare with linear programming where harder pressed wheels need less friction."""
+    rover = rb.load_rover("rocky7")
+    radius = rover.wheel_radius.max()
+    a, b = station_balance(run_over(rover, rb.obstacles.stairs(1.3 * radius, 3.0 * radius, 3), False, 100))
+    mu, force = least_friction(a, b)
+    total = force[:, :3].sum(axis=1)
+    pressed = np.flatnonzero(total > 0.99 * WEDGED)
+    assert pressed.size
+    for k in pressed:
+        assert total[k] == pytest.approx(WEDGED, abs=1e-9)
+        assert np.abs(a[k] @ force[k] - b[k]).max() < 1e-9
+        assert (np.abs(force[k, 3:]) <= mu[k] * force[k, :3] + 1e-8).all()
+        assert holds_pressed(a[k], b[k], mu[k] * (1 + 1e-6))
+        assert not holds_pressed(a[k], b[k], mu[k] * (1 - 1e-6))
+
+
+def holds_pressed(a: np.ndarray, b: np.ndarray, friction: float) -> bool:
+    """Return True if forces hold whose normal forces add up to at most `WEDGED` weights."""
+    rows = [[1.0] * 3 + [0.0] * 3]
+    for i, sign in product(range(3), (1.0, -1.0)):
+        row = [0.0] * 6
+        row[i], row[3 + i] = -friction, sign
+        rows.append(row)
+    found = linprog(
+        [0.0] * 6, A_ub=rows, b_ub=[WEDGED] + [0.0] * 6, A_eq=a, b_eq=b,
+        bounds=[(0, None)] * 3 + [(None, None)] * 3, method="highs",
+    )  # fmt: skip
+    return bool(found.status == 0)
+
+
 @pytest.mark.parametrize("name", ["curiosity", "osr"])
 def test_least_friction_equals_that_of_the_whole_mechanism(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Compare with `wheel_loads`: nine equations, cones in space, no symmetry."""
@@ -478,7 +509,10 @@ def test_open_source_rover_climbs_its_step_but_not_its_stairs() -> None:
     assert stairs.phase == "front and middle wheels on the face"
     strong = rb.climb(rover, rb.obstacles.stairs(7.75 * inch, 10 * inch, 4), friction=1.5)
     assert strong.phase == "middle and rear wheels on the face"
-    assert np.isinf(strong.friction_needed)
+    assert strong.friction_needed == pytest.approx(13.6, abs=0.05)
+    slipping = rb.climb(rover, rb.obstacles.stairs(7.75 * inch, 10 * inch, 4), friction=1.5, law="equal_slip")
+    assert slipping.phase == "middle and rear wheels on the face"
+    assert np.isinf(slipping.friction_needed)
 
 
 # -- input and output ---------------------------------------------------------------------------------------------

@@ -6,8 +6,9 @@ and the moment of the bogie balance: four equations. Of the forces that balance,
 - Least friction: smallest μ with |T| ≤ μ N at every axle. Each condition is a wedge in the plane of the two parameters; its apex
   is where N = T = 0. At the smallest μ the three wedges meet in a point (Helly's theorem): either three edges meet there,
   T_i = ±μ N_i, so that the determinant of the balance, a cubic in μ, vanishes; or the apex of a wedge is on an edge of another,
-  so that this wheel carries nothing and the others are determined. All 8 + 3 candidates are computed; the smallest feasible
-  one is the minimum.
+  so that this wheel carries nothing and the others are determined. Wheels that press against each other may need less the
+  harder they press, without end. So the normal forces together are at most `WEDGED` weights (Helly's theorem needs a bounded
+  set); where they are, two edges meet. All 8 + 3 + 12 candidates are computed; the smallest feasible one is the minimum.
 - Equal friction: T_i = κ N_i at all axles, the root of the cubic with equal signs. Six wheels that are driven at one rate, and
   slip, have these forces. Where an axle would have to pull, it carries nothing.
 - Least torque: a linear program in the two parameters and the torque, solved by enumeration of its vertices.
@@ -30,6 +31,8 @@ Complex = NDArray[np.complex128]
 PULL = 1e-9
 #: Residual of a candidate's balance that is accepted before it is solved again, in units of the weight.
 NEAR = 1e-6
+#: Largest sum of the normal forces, in units of the weight: larger ones would wedge the rover between its contacts.
+WEDGED = 50.0
 #: Friction coefficients above this do not count.
 WIDEST = 64.0
 #: Stations that are treated at once: bounds the memory of the enumeration.
@@ -107,12 +110,13 @@ def _least_friction(a: Array, b: Array) -> tuple[Array, Array]:
             n = _least_squares(normal + slope[:, None, :] * traction, b)
             candidates.append(np.abs(mu))
             forces.append(np.concatenate([n, slope * n], axis=1))
-    for mu, f in _unloaded(a, b):
+    for mu, f in (*_unloaded(a, b), *_wedged(a, b)):
         candidates.append(mu)
         forces.append(f)
     mu, f = np.stack(candidates), np.stack(forces)
     residual = np.abs(np.einsum("nij,knj->kni", a, f) - b).max(axis=-1)
     valid = (f[..., :3] >= -PULL).all(axis=-1) & (residual < NEAR) & (mu <= WIDEST)
+    valid &= f[..., :3].sum(axis=-1) <= WEDGED * (1.0 + NEAR)
     mu = np.where(valid, mu, np.inf)
     best = mu.argmin(axis=0)
     rows = np.arange(len(a))
@@ -127,10 +131,42 @@ def _unloaded(a: Array, b: Array) -> Iterator[tuple[Array, Array]]:
         others = [k for k in range(6) if k % 3 != i]
         f = np.zeros((len(a), 6))
         f[:, others] = _solve(a[:, :, others], b)
+        yield _friction_used(f[:, others]), f
+
+
+def _wedged(a: Array, b: Array) -> Iterator[tuple[Array, Array]]:
+    """Yield friction (n,) and forces (n, 6) that balance with `WEDGED` weights on wheels.
+
+    These forces are a line. A ratio |T| / N changes monotonically along it up to T = 0, so the largest of the three ratios is
+    least where two of them are equal.
+    """
+    total = np.broadcast_to(np.repeat([1.0, 0.0], 3), (len(a), 1, 6))
+    a, b = np.concatenate([a, total], axis=1), np.concatenate([b, np.full((len(a), 1), WEDGED)], axis=1)
+    free = np.linalg.svd(a)[2][:, 5, :]  # the line is start + y free
+    start = np.einsum("nij,nj->ni", np.linalg.pinv(a), b)
+    for (i, j), sign in product(combinations(range(3), 2), (1.0, -1.0)):
+        p, q = (part[:, [i, 3 + i]] for part in (start, free))
+        r, s = (part[:, [j, 3 + j]] * [1.0, sign] for part in (start, free))
+        # T_i N_j = ±T_j N_i: a quadratic in y
+        c, d, e = _area(p, r), _area(p, s) + _area(q, r), _area(q, s)
         with np.errstate(divide="ignore", invalid="ignore"):
-            used = np.abs(f[:, 3:]) / f[:, :3]
-        used[:, i] = 0.0
-        yield used.max(axis=1), f
+            half = -0.5 * (d + np.copysign(np.sqrt(d**2 - 4.0 * c * e), d))
+            roots = half / e, c / half
+        for y in roots:
+            f = start + np.where(np.isfinite(y), y, 0.0)[:, None] * free
+            yield _friction_used(f), f
+
+
+def _area(p: Array, q: Array) -> Array:
+    """Return p₁ q₂ − p₂ q₁ of vectors (n, 2)."""
+    return p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
+
+
+def _friction_used(force: Array) -> Array:
+    """Return the largest |T| / N (n,) of forces (n, 2 k): k normal forces, then k tractions; above 0."""
+    normal, traction = np.split(force, 2, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray((np.abs(traction) / normal).max(axis=1))
 
 
 def equal_friction(a: Array, b: Array, climbing: NDArray[np.bool_]) -> tuple[Array, Array]:
