@@ -163,7 +163,7 @@ def _area(p: Array, q: Array) -> Array:
 
 
 def _friction_used(force: Array) -> Array:
-    """Return the largest |T| / N (n,) of forces (n, 2 k): k normal forces, then k tractions; above 0."""
+    """Return the largest |T| / N (n,) of forces (n, 2 k): normal forces, then tractions."""
     normal, traction = np.split(force, 2, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray((np.abs(traction) / normal).max(axis=1))
