@@ -70,6 +70,21 @@ def test_times_count_the_wheel_travel(maps, rover):
     assert_close(np.diff(half.time)[straight], 2 * np.diff(plain.time)[straight], 1e-6, "s", "at half the speed")
 
 
+@pytest.mark.parametrize(("headings", "turn_in_place"), [(16, True), (16, False), (8, False)])
+def test_time_of_a_route_is_the_time_that_its_cost_counts(rover, headings, turn_in_place):
+    """Legs of 16 headings and arcs cross cells between their poses."""
+    ground = rb.Terrain.from_array(np.random.default_rng(0).normal(0.0, 0.15, (49, 53)), 0.5, origin=(-12.0, -12.0))
+    rough = rb.traversability(rover, ground, headings=headings, resolution=1.0, limits="none")
+    cost = rb.SlipCost(SAND, risk=0.99)
+    route = rb.plan(
+        rough, START, (7.0, 3.0), rover=rover, slip=cost, tilt_weight=0.0, turn_cost=0.0, turn_in_place=turn_in_place, speed=0.05
+    )
+    moves = np.hypot(np.diff(route.x), np.diff(route.y)) > 0
+    travel = 0.05 * np.diff(route.time)[moves].sum()
+    assert travel > 1.01 * route.distance[-1]
+    assert_close(travel, route.cost[-1], 1e-5, "m", "expected wheel travel")
+
+
 def test_energy_avoids_climbs_that_time_accepts(maps, rover):
     time, energy = (planned(maps, rover, slip=rb.SlipCost(FIRM, minimise=m, resistance=0.03)) for m in ("time", "energy"))
     assert np.abs(time.y).max() < 2.5

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -18,7 +19,7 @@ from ..rover.rotations import wrap_angle
 from .files import read_map
 from .grid import cell_size, crs_of
 from .layers import REACH
-from .moves import graph, grid_steps, moves, turning_radius, turns_in_place
+from .moves import Move, graph, grid_steps, moves, turning_radius, turns_in_place
 from .overlays import cost_cells, keep_out_cells
 from .search import reach_from, through
 from .slip import SlipCost, slip_states
@@ -58,6 +59,7 @@ class _Problem(NamedTuple):
     number: NDArray[np.int32]  # (n, rows, cols) of each state in the graph; -1 where it is not passable
     rover: Rover | None
     travel: Array | None  # (n, rows, cols) expected wheel travel per metre; None without slip
+    ways: list[list[Move]]  # moves out of each heading
 
 
 def plan(
@@ -213,7 +215,7 @@ def _problem(
         travel = states.travel
     ways = moves(layers.heading, layers.cell, in_place, radius, backward)
     costs, number = graph(layers.passable, risk, ways, turn_cost)
-    return _Problem(layers, costs, number, machine, travel)
+    return _Problem(layers, costs, number, machine, travel, ways)
 
 
 def _radius(rover: Rover | None) -> float:
@@ -343,8 +345,8 @@ def _route_of(problem: _Problem, states: list[State], cost: Array, goal: NDArray
     k, row, col = (np.array(v) for v in zip(*states, strict=True))
     x, y, yaw = layers.x[col], layers.y[row], np.unwrap(layers.heading[k])
     tilt, clearance = (np.asarray(values[k, row, col], dtype=float) for values in (layers.tilt, layers.clearance))
-    travel = np.ones(len(k)) if problem.travel is None else problem.travel[k, row, col]
-    poses = [(x[0], y[0], yaw[0], cost[0], tilt[0], clearance[0], goal[0], travel[0])]
+    travel = _travel_of(problem, states)
+    poses = [(x[0], y[0], yaw[0], cost[0], tilt[0], clearance[0], goal[0], 1.0)]
     for n in range(1, len(states)):
         moved = np.array([x[n] - x[n - 1], y[n] - y[n - 1]])
         if moved.any() and k[n] != k[n - 1]:
@@ -352,17 +354,28 @@ def _route_of(problem: _Problem, states: list[State], cost: Array, goal: NDArray
             turning = [k[n - 1], k[n]]
             most, least = np.nanmax(layers.tilt[turning, up, across]), np.fmin.reduce(layers.clearance[turning, up, across])
             middle = ((yaw[n] + yaw[n - 1]) / 2, (cost[n] + cost[n - 1]) / 2)
-            poses.append((layers.x[across], layers.y[up], *middle, most, least, goal[n], (travel[n] + travel[n - 1]) / 2))
-        poses.append((x[n], y[n], yaw[n], cost[n], tilt[n], clearance[n], goal[n], travel[n]))
+            poses.append((layers.x[across], layers.y[up], *middle, most, least, goal[n], travel[n - 1]))
+        poses.append((x[n], y[n], yaw[n], cost[n], tilt[n], clearance[n], goal[n], travel[n - 1]))
     px, py, facing, price, tilts, room, leads_to, stretch = np.array(poses, dtype=float).T
     steps = np.hypot(np.diff(px), np.diff(py))
-    rolled = steps * (stretch[1:] + stretch[:-1]) / 2  # wheel travel
+    rolled = steps * stretch[1:]  # wheel travel
     distance = np.concatenate([[0.0], np.cumsum(steps)])
     # a turn on the spot takes as long as the outermost wheel needs at this speed
     spent = np.where(steps > 0, rolled, np.abs(np.diff(facing)) * (_radius(problem.rover) or 1.0)) / speed
     time = np.concatenate([[0.0], np.cumsum(spent)])
     about = (layers.crs, layers.rover)
     return Route(px, py, facing, distance, price, tilts, *about, room, time, leads_to.astype(np.int64))
+
+
+def _travel_of(problem: _Problem, states: list[State]) -> list[float]:
+    """Return the wheel travel per metre of each move of a route: the mean over its states."""
+    if problem.travel is None:
+        return [1.0] * (len(states) - 1)
+    travel = []
+    for (k, row, col), (then, up, across) in pairwise(states):
+        way = next(move.way for move in problem.ways[k] if move.end == (then, across - col, up - row))
+        travel.append(float(np.mean([problem.travel[h, row + north, col + east] for h, east, north in way])))
+    return travel
 
 
 def _corner(layers: _Layers, left: State, reached: State) -> tuple[int, int]:
