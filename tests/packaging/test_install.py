@@ -6,6 +6,7 @@ checkout's own cache: its key is the contents of the kernel sources, so that thi
 
 from __future__ import annotations
 
+import json
 import os
 import platform
 import signal
@@ -58,6 +59,18 @@ while not found and time.monotonic() < end:
     rclpy.spin_once(node, timeout_sec=0.1)
 print(*(status.name for message in found[:1] for status in message.status), sep=", ")
 """
+#: Run command lines in one process, each as the command does; print code, stdout and stderr of each as JSON.
+LINES = """
+import contextlib, io, json, sys
+from rockerbogie.cli import main
+done = []
+for line in sys.argv[1:]:
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main(line.split())
+    done.append((code, out.getvalue(), err.getvalue()))
+print(json.dumps(done))
+"""
 STL = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\n"
 
 
@@ -81,14 +94,19 @@ def run(
 
 
 def make_environment(folder: Path) -> Path:
-    """Return the Python of a new virtual environment."""
-    run(sys.executable, "-m", "venv", folder)
+    """Return the Python of a new virtual environment; `pip` installs into it."""
+    run(sys.executable, "-m", "venv", "--without-pip", folder)
     return folder / ("Scripts" if os.name == "nt" else "bin") / "python"
 
 
-def skip_without_network(python: Path, folder: Path) -> None:
+def pip(python: Path, *command: str | Path) -> None:
+    """Run a command of pip for an environment."""
+    run(sys.executable, "-m", "pip", "--python", python, *command)
+
+
+def skip_without_network(folder: Path) -> None:
     """Skip the test if pip finds no package index."""
-    found = run(python, "-m", "pip", "download", "-q", "--no-deps", "-d", folder, "mdurl", check=False)
+    found = run(sys.executable, "-m", "pip", "download", "-q", "--no-deps", "-d", folder, "mdurl", check=False)
     if found.returncode:
         pytest.skip(f"pip finds no packages here: {' '.join(found.stderr.split())[-200:]}")
 
@@ -96,7 +114,7 @@ def skip_without_network(python: Path, folder: Path) -> None:
 def build(python: Path, kind: str, folder: Path) -> Path:
     """Build a distribution of the checkout, "wheel" or "sdist"; return its file."""
     requires = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["build-system"]["requires"]
-    run(python, "-m", "pip", "install", "-q", *requires)
+    pip(python, "install", "-q", *requires)
     target = folder / "dist"
     subprocess.run([python, "-m", "hatchling", "build", "-t", kind, "-d", target], cwd=ROOT, check=True, timeout=PATIENCE)
     (file,) = target.iterdir()
@@ -134,7 +152,7 @@ def files_of(package: Path) -> set[str]:
 
 def test_installed_package_settles_and_names_missing_extras(tmp_path: Path) -> None:
     tools, python = (make_environment(tmp_path / name) for name in ("tools", "clean"))
-    skip_without_network(tools, tmp_path / "downloaded")
+    skip_without_network(tmp_path / "downloaded")
     same = [f"{name}=={version(name)}" for name in ("numba", "llvmlite")]  # of the kernels in the cache
     cache, work = str(cache_folders()[-1].parent), tmp_path / "work"
     work.mkdir()
@@ -145,9 +163,9 @@ def test_installed_package_settles_and_names_missing_extras(tmp_path: Path) -> N
 
     for kind in ("sdist", "wheel"):  # one after the other: installing the dependencies takes longest
         built = build(tools, kind, tmp_path / kind)
-        run(python, "-m", "pip", "uninstall", "-q", "-y", "rockerbogie")
+        pip(python, "uninstall", "-q", "-y", "rockerbogie")
         assert not list((tmp_path / "clean").rglob("rockerbogie")), "nothing is left of the install before"
-        run(python, "-m", "pip", "install", "-q", "--no-compile", built, *same)
+        pip(python, "install", "-q", "--no-compile", built, *same)
         done = run(python, "-c", SETTLE, NUMBA_CACHE_DIR=cache)
         file, z, pitch = done.stdout.split()
         package = Path(file).parent
@@ -170,18 +188,18 @@ def test_installed_package_settles_and_names_missing_extras(tmp_path: Path) -> N
     (work / "map.zarr" / "zarr.json").write_text("{}")
     assert cli("map surface:plane -o map.nc --headings 1 --resolution 2").returncode == 0, "NetCDF needs no extra"
     before = files_of(work)
-    for extra, lines in NEEDED.items():
-        for line in lines:
-            done = cli(line)
-            sentence = [text for text in done.stderr.splitlines() if "pip install" in text]
-            assert len(sentence) == 1, f"{line}: {done.stderr}{done.stdout}"
-            assert f"pip install 'rockerbogie[{extra}]'" in sentence[0], line
-            assert "Traceback" not in done.stderr, line
-            if extra != "robots":  # without the mesh there is still a rover
-                assert done.returncode == 2, f"{line}: {done.returncode}"
-                assert len(done.stderr.splitlines()) == 1, f"{line}: {done.stderr}"
+    cases = [(extra, line) for extra, lines in NEEDED.items() for line in lines]
+    done = run(python, "-c", LINES, *(line for _, line in cases), cwd=work, NUMBA_CACHE_DIR=cache)
+    for (extra, line), (code, out, err) in zip(cases, json.loads(done.stdout), strict=True):
+        sentence = [text for text in err.splitlines() if "pip install" in text]
+        assert len(sentence) == 1, f"{line}: {err}{out}"
+        assert f"pip install 'rockerbogie[{extra}]'" in sentence[0], line
+        assert "Traceback" not in err, line
+        if extra != "robots":  # without the mesh there is still a rover
+            assert code == 2, f"{line}: {code}"
+            assert len(err.splitlines()) == 1, f"{line}: {err}"
     assert files_of(work) == before, "no output was begun"
 
     if sys.platform == "linux" and platform.machine() == "x86_64" and sys.version_info < (3, 14):  # wheels of ROS 2
-        run(python, "-m", "pip", "install", "-q", "--no-compile", f"{built}[ros2]")
+        pip(python, "install", "-q", "--no-compile", f"{built}[ros2]")
         run_node(python, work, cache)
