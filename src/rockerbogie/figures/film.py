@@ -193,9 +193,9 @@ def _pictures(
     page, column, rows = _page(run, height, theme)
     now = np.round(255 * np.array(to_rgb(_of_theme(NOW, theme))))
     for done, (k, window) in enumerate(zip(at, windows, strict=True)):
-        if done and window != windows[done - 1]:
-            ground = _ground(terrain, window, base, ribbons)
-        camera = Camera.framing(ground.corners, *view, (WIDTH, height), margin=(0.01, 0.01, 0.08, 0.02))
+        if not done or window != windows[done - 1]:
+            ground = _ground(terrain, window, base, ribbons) if done else ground
+            camera = Camera.framing(ground.corners, *view, (WIDTH, height), margin=(0.01, 0.01, 0.08, 0.02))
         scene = sunlit(Mesh.join([ground, stance_mesh(rover, run.isel(time=int(k)))]), camera, 0.0, grid_step(window))
         picture = page.copy()
         picture[:height] = _on_page(scene, theme)
