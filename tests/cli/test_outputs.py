@@ -62,15 +62,13 @@ WRITERS: dict[str, tuple[list[str], list[str]]] = {
     "settle page": (["settle", "-t", "dem.tif", "-r", "my.toml", "--html", "out/p.html"], ["p.html"]),
     "loads": (["loads", "-t", "dem.tif", "-r", "my.toml", "-o", "out"], ["loads.png"]),
     "drive": (
-        ["drive", "-t", "dem.tif", "-r", "my.toml", "-p", "path.csv", "--step", "0.1", "-o", "out"],
-        ["run.nc", "run.csv", "map.png", "profile.png", "worst.png"],
+        ["drive", "-t", "dem.tif", "-r", "my.toml", "-p", "path.csv", "--step", "0.1", "-o", "out", "--mcap"],
+        ["run.nc", "run.csv", "run.mcap", "map.png", "profile.png", "worst.png"],
     ),
     "climb": (
-        ["climb", "my.toml", "--step", "0.03", "--plot", "out/c.png", "--chart", "out/steps.svg"],
-        ["c.png", "steps.svg"],
+        ["climb", "my.toml", "--step", "0.03", "--plot", "out/c.png", "--chart", "out/steps.svg", "--film", "out/c.gif"],
+        ["c.png", "steps.svg", "c.gif"],
     ),
-    "climb film": (["climb", "my.toml", "--step", "0.03", "--film", "out/c.gif"], ["c.gif"]),
-    "drive --mcap": (["drive", "-t", "dem.tif", "-r", "my.toml", "--step", "0.1", "-o", "out", "--mcap"], ["run.mcap"]),
     "simulate": (
         ["simulate", "-t", "dem.tif", "-r", "my.toml", "-p", "path.csv", "-o", "out"],
         ["simulation.nc", "simulation.csv", "map.png", "profile.png", "worst.png", "attitude.png", "joints.png"],
