@@ -9,6 +9,7 @@ import ast
 import re
 from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -80,6 +81,13 @@ def documented(file: Path) -> Iterator[tuple[Documented, str, bool]]:
     yield from walk(ast.parse(file.read_text(encoding="utf-8")), True)
 
 
+@cache
+def docstrings() -> list[Place]:
+    """Return the place and text of every docstring of the project: parsing all files takes seconds."""
+    found = ((file, node, text) for file in PYTHON for node, text, _ in documented(file))
+    return [Place(file, getattr(node, "lineno", 1), text) for file, node, text in found if text]
+
+
 def arguments(node: ast.FunctionDef) -> list[str]:
     """Return the names of a function's arguments, without self and cls."""
     a = node.args
@@ -99,18 +107,16 @@ def is_property(node: ast.FunctionDef) -> bool:
 
 def openings() -> Iterator[Place]:
     """Yield docstrings that start with a banned word."""
-    for file in PYTHON:
-        for node, text, _ in documented(file):
-            if BANNED_OPENING.match(text):
-                yield Place(file, getattr(node, "lineno", 1), text.splitlines()[0])
+    for place in docstrings():
+        if BANNED_OPENING.match(place.text):
+            yield Place(place.file, place.line, place.text.splitlines()[0])
 
 
 def long_first_lines() -> Iterator[Place]:
     """Yield docstrings whose first line is too long, in the package."""
-    for file in PYTHON:
-        for node, text, _ in documented(file):
-            if len(text.partition("\n")[0]) > LONGEST_FIRST_LINE:
-                yield Place(file, getattr(node, "lineno", 1), text.splitlines()[0])
+    for place in docstrings():
+        if len(place.text.partition("\n")[0]) > LONGEST_FIRST_LINE:
+            yield Place(place.file, place.line, place.text.splitlines()[0])
 
 
 def retired_words() -> Iterator[Place]:
@@ -187,10 +193,9 @@ def without_docstring() -> Iterator[Place]:
         tree = ast.parse(file.read_text(encoding="utf-8"))
         for owner in ast.walk(tree):
             for node in owner.body if isinstance(owner, ast.Module | ast.ClassDef) else []:
-                if isinstance(node, ast.FunctionDef) and not node.name.startswith("__"):
-                    bodiless = ast.unparse(node.body[-1]) == "..."
-                    if not bodiless and not ast.get_docstring(node):
-                        yield Place(file, node.lineno, f"{node.name} has no docstring")
+                function = isinstance(node, ast.FunctionDef) and not node.name.startswith("__")
+                if function and not ast.get_docstring(node) and ast.unparse(node.body[-1]) != "...":
+                    yield Place(file, node.lineno, f"{node.name} has no docstring")
 
 
 RULES = {
