@@ -27,11 +27,11 @@ State = tuple[int, int, int]  # heading, row, column
 
 
 @lru_cache
-def run_through(row: int, col: int, step: tuple[int, int]) -> set[tuple[int, int]]:
-    """Return the cells under a straight line, by sampling it; corner contacts do not count."""
+def run_through(step: tuple[int, int]) -> tuple[tuple[int, int], ...]:
+    """Return the cells (row, column) under a straight line from cell (0, 0), by sampling it; corner contacts do not count."""
     share = (np.arange(1000) + 0.5) / 1000
-    rows, cols = row + step[1] * share, col + step[0] * share
-    return {(math.floor(r + 0.5), math.floor(c + 0.5)) for r, c in zip(rows, cols, strict=True)}
+    cells = np.floor(np.stack([step[1] * share, step[0] * share], axis=-1) + 0.5).astype(int)
+    return tuple((int(r), int(c)) for r, c in np.unique(cells, axis=0))
 
 
 def ways_out(maps: xr.Dataset, state: State, in_place: bool, radius: float, backward: bool) -> Iterator[tuple[State, float]]:
@@ -52,7 +52,7 @@ def ways_out(maps: xr.Dataset, state: State, in_place: bool, radius: float, back
         seen: set[State] = set()
         for _ in range(abs(times)):
             sign = 1 if times > 0 else -1
-            seen |= {(h, *cell) for cell in run_through(r, c, (sign * a, sign * b))}
+            seen |= {(h, r + down, c + right) for down, right in run_through((sign * a, sign * b))}
             r, c = r + sign * b, c + sign * a
         return seen, r, c, abs(times) * dx * math.hypot(a, b)
 
@@ -161,7 +161,7 @@ def test_steps_of_the_headings_are_the_documented_ones() -> None:
 @pytest.mark.parametrize("step", [(1, 0), (1, 1), (2, 1), (-1, 2), (3, 2), (-4, -1), (3, -5)])
 def test_swept_cells_are_those_under_the_line(step: tuple[int, int]) -> None:
     cells = swept(step)
-    assert {(row, col) for col, row in cells} == run_through(0, 0, step)
+    assert {(row, col) for col, row in cells} == set(run_through(step))
     assert (cells[0], cells[-1]) == ((0, 0), step)
 
 
