@@ -56,10 +56,17 @@ def later_changed(log, row):
     return log.assign(changed)
 
 
-@pytest.mark.parametrize("row", [40, 81, 123, 200])
-def test_future_rows_do_not_change_a_forecast(rover, row):
+@pytest.fixture(scope="module")
+def whole(rover):
+    """Return a log and the forecast of all its rows."""
     log = made(walk(1, 60))
-    whole, other = (rb.forecast_slip(rover, None, one) for one in (log, later_changed(log, row)))
+    return log, rb.forecast_slip(rover, None, log)
+
+
+@pytest.mark.parametrize("row", [40, 81, 123, 200])
+def test_future_rows_do_not_change_a_forecast(rover, whole, row):
+    log, whole = whole
+    other = rb.forecast_slip(rover, None, later_changed(log, row))
     short = rb.forecast_slip(rover, None, log.isel(row=slice(0, row + 1)))
     past = int((whole["row"] <= row + 1).sum())
     for name in ("mean", "quantile", "exceed", "warning", "known", "distance"):

@@ -161,14 +161,16 @@ class SlipBank:
             return np.nan, np.full(len(quantiles), np.nan)
         mean, sigma = self.predictive(travel, slope)
         coming = float(self.weight @ (expit(mean[:, None] + sigma[:, None] * _NODES) @ _SHARES))
-        whole, part = np.mean(shares == 1), shares[shares < 1, None]
+        # equal shares, as of measurements at equal distances, are one term of the sum
+        whole, (part, times) = np.mean(shares == 1), np.unique(shares[shares < 1], return_counts=True)
+        part = part[:, None]
         low, high = np.full(len(quantiles), min(known, 0.0)), np.ones(len(quantiles))
         for _ in range(40):
             half = 0.5 * (low + high)
             with np.errstate(divide="ignore"):
                 free = logit(np.clip((half - part * known) / (1 - part), 0.0, 1.0))
             below = np.einsum("f,fnk->nk", self.weight, ndtr((free - mean[:, None, None]) / sigma[:, None, None]))
-            above = whole * (half >= known) + below.sum(axis=0) / len(shares) > quantiles
+            above = whole * (half >= known) + times @ below / len(shares) > quantiles
             low, high = np.where(above, low, half), np.where(above, half, high)
         return float(np.mean(shares * known + (1 - shares) * coming)), 0.5 * (low + high)
 
