@@ -49,19 +49,17 @@ def test_motor_work_is_height_gain_plus_dissipation(rover: rb.Rover, waves: rb.T
 
 
 @pytest.mark.parametrize("law", [{"friction": 0.7}, {"soil": "dry-sand"}])
-def test_energies_balance_to_the_tolerance_on_rocks_or_the_drive_ends(law: dict[str, object]) -> None:
+def test_energies_balance_to_the_tolerance_on_rocks(law: dict[str, object]) -> None:
     rocks = rb.surfaces.rocks(seed=1, size=16.0, spacing=0.1, smallest=0.2)
     start = np.random.default_rng(3).uniform(-3.0, 3.0, (6, 3))
     for name in ("sawppy", "perseverance"):
         rover, path = rb.load_rover(name), rb.Path.straight((0, 0), 0.0, 1.5)
         run = rb.predict(rover, rocks, start, path, tolerance=1e-6, details=False, **law)  # type: ignore[arg-type]
-        ends = {rb.DriveEnd(code) for code in run["end"].to_numpy()}
-        if "friction" in law:
-            assert rb.DriveEnd.INACCURATE not in ends
-        else:  # wheels are pressed against rocks, where the motion reverses at each jump of a contact
-            assert rb.DriveEnd.INACCURATE in ends
+        assert rb.DriveEnd.INACCURATE not in {rb.DriveEnd(code) for code in run["end"].to_numpy()}
         missing = abs(run["motor_work"] - run["dissipation"] - run["height_gain"]).max().item()
-        assert missing <= 2e-6 * rover.mass * rb.GRAVITY["earth"] * 1.5
+        # where a contact jumps, a step is divided, and each of its parts may miss the step's tolerance
+        allowed = 2e-6 if "friction" in law else 5e-6
+        assert missing <= allowed * rover.mass * rb.GRAVITY["earth"] * 1.5
 
 
 def test_forces_balance_the_weight_at_every_station(rover: rb.Rover, waves: rb.Terrain) -> None:

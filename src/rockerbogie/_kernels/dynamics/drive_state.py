@@ -32,7 +32,7 @@ class Drive(NamedTuple):
 class State(NamedTuple):
     """Work arrays of one drive at one station."""
 
-    station: Array  # (STATION,) the next nine
+    station: Array  # (STATION,) the next ten
     place: Array  # (3,) x, y, m from the map's first node, and yaw, rad
     q: Array  # (6,) pose
     rates: Array  # (6,) of the pose
@@ -42,6 +42,7 @@ class State(NamedTuple):
     raised: Array  # (6,) gaps, m
     rising: Array  # (6,) their rates, m/s
     free: Array  # (6,) 1 for a wheel off the ground at the start of the step, else 0
+    several: Array  # (1,) 1 if further contacts are in the balance, else 0
     rim: Array  # (6,) commanded rim speeds, m/s
     limit: Array  # (6,) torque limits over the weight, m
     slope: Array  # (6,) scratch
@@ -53,7 +54,7 @@ class State(NamedTuple):
     kept_free: Array  # (6,)
 
 
-STATION, UNKNOWNS, TOTAL = 39, 9, 11
+STATION, UNKNOWNS, TOTAL = 40, 9, 11
 KEPT = STATION + UNKNOWNS + 6 * CONTACT_SIZE
 STATE_SIZE = STATION + 18 + TOTAL + KEPT
 LIFTED = 1e-9  # m: a wheel with a larger gap is off the ground
@@ -69,8 +70,8 @@ def new_state(buffer: Array) -> State:
     b = unowned_view(buffer)
     kept, rest = b[STATION + 18 + TOTAL :], b[STATION:]
     return State(
-        b[:STATION], b[:3], b[3:9], b[9:15], b[15:18], b[18:20], b[20:21], b[21:27], b[27:33], b[33:39], rest[:6], rest[6:12],
-        rest[12:18], rest[18 : 18 + TOTAL], kept, kept[:3], kept[20:21], kept[21:27], kept[33:39],
+        b[:STATION], b[:3], b[3:9], b[9:15], b[15:18], b[18:20], b[20:21], b[21:27], b[27:33], b[33:39], b[39:40],
+        rest[:6], rest[6:12], rest[12:18], rest[18 : 18 + TOTAL], kept, kept[:3], kept[20:21], kept[21:27], kept[33:39],
     )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.decorators import njit, owning_njit
+from ..jit.decorators import inlined, njit, owning_njit
 from ..jit.raw_views import unowned_view
 from ..model.ground import Ground
 from ..model.linkage import ROCKER, Z, right_rocker
@@ -147,6 +147,26 @@ def to_contacts(s: Station, out: Array) -> None:
             out[k] -= s.drift[i, k] * out[FREE + i]
 
 
+@inlined
+def link_column(s: Station, slope: float, i: int, axes: Array, column: Array) -> None:
+    """Fill the generalized force of a unit torque about a wheel's axle on its link.
+
+    Args:
+        s: of the pose.
+        slope: derivative of the right rocker angle with respect to the left one.
+        i: wheel.
+        axes: (3, 3) the body's directions.
+        column: (9,) filled.
+    """
+    ax, ay, az = s.wheels[i, AX], s.wheels[i, AY], s.wheels[i, AZ]
+    turn = axes[1, 0] * ax + axes[1, 1] * ay + axes[1, 2] * az
+    column[:] = 0.0
+    column[3], column[4], column[5] = ax, ay, az
+    column[6] = turn * (1.0 if i % 2 == 0 else slope)
+    if i >= 2:
+        column[7 + i % 2] = turn
+
+
 @njit
 def balance_at(
     ground: Ground, rover: Array, x: float, y: float, cy: float, sy: float, q: Array, raised: Array, gravity: float,
@@ -187,13 +207,7 @@ def balance_at(
         to_contacts(s, s.ways[i, 1])
         if not couples:
             continue
-        ax, ay, az = s.wheels[i, AX], s.wheels[i, AY], s.wheels[i, AZ]
-        turn = axes[1, 0] * ax + axes[1, 1] * ay + axes[1, 2] * az
-        column[:] = 0.0
-        column[3], column[4], column[5] = ax, ay, az
-        column[6] = turn * (1.0 if i % 2 == 0 else slope)
-        if i >= 2:
-            column[7 + i % 2] = turn
+        link_column(s, slope, i, axes, column)
         to_rates(column, axes, cy, sy, s.ways[i, 2])
         to_contacts(s, s.ways[i, 2])
     to_rates(s.weight, axes, cy, sy, s.pull)

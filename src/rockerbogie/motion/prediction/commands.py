@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._kernels.dynamics import rollout as kernel
+from ..._kernels.dynamics import evaluate as kernel
 from ...arrays import Array
 from ...errors import PathError, RockerbogieError
 from ...rover.model import Rover

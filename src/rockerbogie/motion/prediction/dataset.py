@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._kernels.dynamics import rollout as kernel
+from ..._kernels.dynamics import record as kernel
+from ..._kernels.dynamics.evaluate import C_STEERING
 from ...arrays import Array
 from ...files.version import __version__
 from ...rover.model import Rover
@@ -100,7 +101,7 @@ def prediction_dataset(
     counts = packed.counts[which]
     time = steps * packed.span
     station = np.minimum(steps, counts[:, None] - 1) if n else np.zeros((0, records), dtype=np.int64)
-    steering = packed.rows[which[:, None], station, kernel.C_STEERING :]
+    steering = packed.rows[which[:, None], station, C_STEERING:]
     on_soil = bool(inputs["soils"].size) and bool(inputs["soils"].flat[0])
     values = _values(rover, out, steering, inputs["gravity"], on_soil) | _commanded(packed, commands, first, which, steps)
     reached = np.isfinite(out[..., 0])

@@ -7,7 +7,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._kernels.dynamics import rollout as kernel
+from ..._kernels.dynamics import evaluate as kernel
 from ...arrays import Array
 from ...rover.model import Rover
 from ...settling.settle import settle
@@ -29,7 +29,7 @@ class DriveEnd(IntEnum):
     STALLS = 7  # the motors are too weak
     OVERLOADS = 8  # the soil cannot carry a wheel
     NOT_BALANCED = 9  # no motion at which the forces balance was found
-    INACCURATE = 10  # the energy balance misses the tolerance: the motion reverses where a contact jumps
+    INACCURATE = 10  # the energy balance misses the tolerance: contacts jump back and forth
 
 
 TEXT = {
@@ -43,7 +43,7 @@ TEXT = {
     DriveEnd.STALLS: "the motors are too weak: no motion within their torque limits balances the rover",
     DriveEnd.OVERLOADS: "the soil cannot carry a wheel's load",
     DriveEnd.NOT_BALANCED: "no motion was found at which the wheel forces balance",
-    DriveEnd.INACCURATE: "the energies do not balance within the tolerance: the motion reverses wherever a contact jumps",
+    DriveEnd.INACCURATE: "the energies do not balance within the tolerance: contacts jump back and forth",
 }
 _OF_STATUS = {
     Status.OFF_MAP: DriveEnd.OFF_MAP,

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..._kernels.dynamics import rollout as kernel
+from ..._kernels.dynamics.evaluate import C_STEERING
+from ..._kernels.dynamics.record import R_SIZE
+from ..._kernels.dynamics.rollout import predict_batch
 from ..._kernels.jit.parallel import parallel_for
 from ...arrays import Array, floats, is_number
 from ...errors import PathError, RockerbogieError, expect
@@ -82,7 +84,8 @@ def predict(
             the length is no multiple of it. Default: a quarter of the smallest wheel radius.
         tolerance: halve a step, at most 20 times, while the error of its energy balance exceeds this share of the work that
             lifts the rover by the step's length. If the errors of its parts add up to 32 times as much, the drive ends as
-            INACCURATE. Default: only a step without a pose or a motion is halved, at most 4 times.
+            INACCURATE. Default: a step without a pose or a motion is halved, at most 4 times, and on soil a step whose error
+            exceeds 0.01 too.
         record: distance between records, m, rounded to steps. Default: each step is recorded.
         gravity: m/s², from 0.001 to 100 (`GRAVITY`).
         torque: torque limit of the wheel motors, a number or (6,), N·m. A wheel whose motor would exceed it turns at the rate at
@@ -143,13 +146,13 @@ def predict(
     steps = int(packed.counts.max())
     every = 1 if record is None else max(round(record * steps / _length(packed)), 1)
     records = -(-steps // every) + 1
-    if size * records * kernel.R_SIZE * 8.0 > MOST_BYTES:
+    if size * records * R_SIZE * 8.0 > MOST_BYTES:
         raise RockerbogieError(
-            f"{size:,} drives of {records:,} records take {size * records * kernel.R_SIZE * 8e-9:.1f} GB: give a larger record="
+            f"{size:,} drives of {records:,} records take {size * records * R_SIZE * 8e-9:.1f} GB: give a larger record="
         )
     drives = _Drives(first, which, mu, grip.tables, grip.table_of[soil_of])
     out, ends, places = _roll_out(rover, terrain, packed, drives, field, limits, float(error), every, records, progress)
-    stopped = packed.rows[which, np.minimum(ends[:, 1], packed.counts[which] - 1), kernel.C_STEERING :]
+    stopped = packed.rows[which, np.minimum(ends[:, 1], packed.counts[which] - 1), C_STEERING:]
     rigid = mu if soil is None else np.full(size, np.nan)
     codes = drive_ends(rover, terrain, ends[:, 0], places, stopped, rigid, bool(np.isfinite(limits).any()))
     return prediction_dataset(
@@ -182,12 +185,12 @@ def _roll_out(
     which, table_of, counts = (
         np.require(array, requirements=["C", "W"]) for array in (drives.which, drives.table_of, packed.counts)
     )
-    out, ends, places = np.empty((size, records, kernel.R_SIZE)), np.zeros((size, 2), dtype=np.int64), np.zeros((size, 3))
+    out, ends, places = np.empty((size, records, R_SIZE)), np.zeros((size, 2), dtype=np.int64), np.zeros((size, 3))
     batch = size if progress is None else max(PIECE * 64, 1)
     for begin in range(0, size, batch):
         part = slice(begin, min(begin + batch, size))
         parallel_for(
-            kernel.predict_batch, part.stop - begin, terrain.packed, rover.packed, first[part], rows, which[part],
+            predict_batch, part.stop - begin, terrain.packed, rover.packed, first[part], rows, which[part],
             counts, packed.span, fastest, mu[part], tables, table_of[part], gravity, limits, tolerance, every,
             out[part], ends[part], places[part],
             piece=PIECE,
