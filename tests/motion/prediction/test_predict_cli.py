@@ -31,7 +31,7 @@ def test_a_drive_that_ends_early_exits_1(capsys: pytest.CaptureFixture[str]) -> 
 @pytest.mark.parametrize(
     ("options", "text"),
     [
-        ([], "friction="),
+        ([], "--friction"),
         (["--friction", "-1"], "friction is -1"),
         (["--soil", "custard"], "custard"),
         (["--friction", "0.5", "--speed", "0"], "speed is 0"),
