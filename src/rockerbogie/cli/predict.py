@@ -44,6 +44,7 @@ if TYPE_CHECKING:
 
 #: Exit code if the predicted drive ends before its commands: a result, not a wrong call.
 EXIT_ENDS_EARLY = 1
+STAYS = 0.01  # of the wheelbase: a rover that moves by less stays in place
 FILES = ("prediction.nc", "prediction.csv", "map.png", "prediction.png")
 
 
@@ -141,7 +142,7 @@ def predict(
             return _no_start(f"the drive does not start at ({x:.10g}, {y:.10g}) m: {run.attrs['ends_because']}", run.attrs["end"])
         bar.update(task, description="drawing")
         files = [*_write(machine, surface, run, output), *write_page(run, html, force)]
-    result = _summary(run)
+    result = _summary(run, machine)
     if json:
         print_json(result | {"files": files})
     else:
@@ -177,7 +178,7 @@ def _write(rover: Rover, terrain: Terrain, run: xr.Dataset, output: FilePath | N
     return files
 
 
-def _summary(run: xr.Dataset) -> dict[str, Any]:
+def _summary(run: xr.Dataset, rover: Rover) -> dict[str, Any]:
     """Return the JSON record of a drive."""
     last = run.isel(time=-1)
     result: dict[str, Any] = {
@@ -201,9 +202,22 @@ def _summary(run: xr.Dataset) -> dict[str, Any]:
         "mean_load_by_wheel": np.nanmean(run["normal_force"].to_numpy(), axis=0),
         "lifted_by_wheel": run["wheel_lifted"].to_numpy().mean(axis=0),
     }
+    result["stays_from"] = _stays_from(run, rover)
     if "law_exceeded" in run:
         result["law_exceeded_by_wheel"] = run["law_exceeded"].to_numpy().mean(axis=0)
     return result
+
+
+def _stays_from(run: xr.Dataset, rover: Rover) -> float | None:
+    """Return the time from which a rover stays in place while its wheels turn, s; None if it moves on.
+
+    It is then within 1 % of the wheelbase of its end, and its wheels roll by half the wheelbase or more.
+    """
+    time, x, y = (run[name].to_numpy() for name in ("time", "x", "y"))
+    away = np.hypot(x - x[-1], y - y[-1]) > STAYS * rover.wheelbase
+    first = int(np.flatnonzero(away)[-1]) + 1 if away.any() else 0
+    rolled = np.abs(run["wheel_rate"].to_numpy() * rover.wheel_radius).mean(axis=-1)[first:-1] @ np.diff(time[first:])
+    return float(time[first]) if rolled > 0.5 * rover.wheelbase else None
 
 
 def _print_summary(result: dict[str, Any]) -> None:
@@ -217,6 +231,8 @@ def _print_summary(result: dict[str, Any]) -> None:
         f"({result['x']:.3f}, {result['y']:.3f}) m, yaw {np.degrees(result['yaw']):.2f}°, "
         f"{result['off_path']:.3f} m from the command"
     )
+    if result["stays_from"] is not None:
+        console.print(f"From {result['stays_from']:.0f} s on, it stays there: its wheels turn, but do not move it.")
     console.print(
         f"motor work {result['motor_work']:.1f} J = gain of height {result['height_gain']:.1f} J + dissipation "
         f"{result['dissipation']:.1f} J"

@@ -22,6 +22,18 @@ def test_a_drive_is_written_and_summarised(tmp_path: Path, capsys: pytest.Captur
     )
 
 
+def test_a_rover_that_stays_in_place_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
+    argv = ["predict", "--terrain", "surface:rocks?k=0.05&seed=1&size=30", "--rover", "perseverance", "--soil", "dry-sand"]
+    assert main([*argv, "--path", "-6,0 -2,0", "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert 0.0 < result["stays_from"] < 0.7 * result["duration"]
+    assert result["distance"] < 1.0
+    assert main([*argv, "--path", "-6,0 -2,0"]) == 0
+    assert "it stays there: its wheels turn" in " ".join(capsys.readouterr().out.split())
+    assert main([*argv, "--path", "-6,0 -5.9,0", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["stays_from"] is None
+
+
 def test_a_drive_that_ends_early_exits_1(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*RAMP, "--friction", "0.8", "--torque", "0.05"]) == 1
     shown = capsys.readouterr()

@@ -52,6 +52,7 @@ EXTRA: dict[str, tuple[tuple[str, ...], str, str]] = {
     "y_command": ((), "m", "y that the commands would lead to without slip"),
     "yaw_command": ((), "rad", "yaw that the commands would lead to without slip"),
 }
+STANDING = 1e-3  # of the rim speed: an axle that moves back by less stands still
 BLOCKS = {
     "wheel_rate": kernel.R_WHEEL,
     "wheel_rate_command": kernel.R_COMMAND,
@@ -214,7 +215,7 @@ def _values(rover: Rover, out: Array, steering: Array, gravity: float, soil: boo
     values["slip_angle"] = np.arctan2(values["side_slip"], np.abs(travel))
     values["wheel_lifted"] = values["normal_force"] < LIFTED_SHARE * rover.mass * gravity
     if soil:
-        against = rim * travel < 0.0
+        against = rim * travel < -STANDING * rim**2
         values["law_exceeded"] = against | (values["normal_force"] > LOADS[1] * rover.mass * gravity)
     values["motor_work"], values["dissipation"] = out[..., kernel.R_WORK], out[..., kernel.R_LOSS]
     R = body_transform(x, y, z, roll, pitch, yaw)[..., :3, :3]
