@@ -1,4 +1,4 @@
-"""Energy balance of predicted drives on soil over rough terrain: the table of docs/prediction.md.
+"""Write the table of energies of drives on soil over rough terrain in docs/prediction.md.
 
 python tools/soil_energies.py [--write]
 """

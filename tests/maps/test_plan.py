@@ -28,7 +28,10 @@ State = tuple[int, int, int]  # heading, row, column
 
 @lru_cache
 def run_through(step: tuple[int, int]) -> tuple[tuple[int, int], ...]:
-    """Return the cells (row, column) under a straight line from cell (0, 0), by sampling it; corner contacts do not count."""
+    """Return the cells (row, column) under a straight line from cell (0, 0), by sampling.
+
+    Cells that it touches at a corner do not count.
+    """
     share = (np.arange(1000) + 0.5) / 1000
     cells = np.floor(np.stack([step[1] * share, step[0] * share], axis=-1) + 0.5).astype(int)
     return tuple((int(r), int(c)) for r, c in np.unique(cells, axis=0))

@@ -209,7 +209,7 @@ def _summary(run: xr.Dataset, rover: Rover) -> dict[str, Any]:
 
 
 def _stays_from(run: xr.Dataset, rover: Rover) -> float | None:
-    """Return the time from which a rover stays in place while its wheels turn, s; None if it moves on.
+    """Return the time from which a rover stays in place, s; None if it moves on.
 
     It is then within 1 % of the wheelbase of its end, and its wheels roll by half the wheelbase or more.
     """
