@@ -242,9 +242,12 @@ def test_help_and_version_load_nothing_heavy() -> None:
     assert rb.__version__ in done.stdout
 
 
-def test_interrupted_without_a_traceback() -> None:
-    work = "cli._run = lambda argv: (print('on', flush=True), time.sleep(300))"
-    code = f"import sys, time; from rockerbogie import cli; {work}; sys.exit(cli.main([]))"
+def check_interrupt(work: str) -> None:
+    """Check that an interrupt ends a command.
+
+    `work` defines the command, which prints "on" when it can be interrupted.
+    """
+    code = f"import sys, time\nfrom rockerbogie import cli\n{work}\nsys.exit(cli.main([]))"
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
         assert child.stdout is not None
         assert child.stdout.readline() == "on\n"
@@ -252,23 +255,19 @@ def test_interrupted_without_a_traceback() -> None:
         _, said = child.communicate(timeout=PATIENCE)
     assert child.returncode == 130
     assert said.strip() == "interrupted"
+
+
+def test_interrupted_without_a_traceback() -> None:
+    check_interrupt("cli._run = lambda argv: (print('on', flush=True), time.sleep(300))")
 
 
 def test_an_interrupt_in_a_callback_is_not_lost() -> None:
     """Python drops an error raised while an object is freed; Ctrl-C stops the command anyway."""
-    code = (
-        "import sys, time\nfrom rockerbogie import cli\n"
+    check_interrupt(
         "class Freed:\n def __del__(self): print('on', flush=True); time.sleep(300)\n"
         "def work(argv):\n Freed(); time.sleep(300)\n"
-        "cli._run = work\nsys.exit(cli.main([]))"
+        "cli._run = work"
     )
-    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
-        assert child.stdout is not None
-        assert child.stdout.readline() == "on\n"
-        child.send_signal(signal.SIGINT)
-        _, said = child.communicate(timeout=PATIENCE)
-    assert child.returncode == 130
-    assert said.strip() == "interrupted"
 
 
 def test_a_closed_pipe_is_no_error() -> None:

@@ -105,7 +105,7 @@ def predict(
         Length of an integration step, m. Default: a quarter of the wheel radius.
     tolerance
         Halve steps while the error of their energy balance exceeds this share, such as 1e-6; the drive ends where that does
-        not help. Default: only steps that have no solution.
+        not help. Default: steps that have no solution, and on soil those whose error exceeds 0.01.
     gravity
         earth, mars, moon, or a number in m/s².
     torque

@@ -188,13 +188,13 @@ def _pictures(
     ribbons = [_path_ribbon(rover, terrain, run)] if tracks is None else tracks
     lows = [np.nanmin(sample_ground(terrain, window, 40)[2]) for window in set(windows)]
     base = float(np.nanmin(lows)) - 0.05
-    ground = _ground(terrain, windows[0], base, ribbons)
-    height = picture_height(*view, ground, WIDTH, 0.06)
+    first = _ground(terrain, windows[0], base, ribbons)
+    height = picture_height(*view, first, WIDTH, 0.06)
     page, column, rows = _page(run, height, theme)
     now = np.round(255 * np.array(to_rgb(_of_theme(NOW, theme))))
     for done, (k, window) in enumerate(zip(at, windows, strict=True)):
         if not done or window != windows[done - 1]:
-            ground = _ground(terrain, window, base, ribbons) if done else ground
+            ground = _ground(terrain, window, base, ribbons) if done else first
             camera = Camera.framing(ground.corners, *view, (WIDTH, height), margin=(0.01, 0.01, 0.08, 0.02))
         scene = sunlit(Mesh.join([ground, stance_mesh(rover, run.isel(time=int(k)))]), camera, 0.0, grid_step(window))
         picture = page.copy()

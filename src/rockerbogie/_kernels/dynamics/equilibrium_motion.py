@@ -197,6 +197,22 @@ def continued(s: Station, rover: Array, law: Law, soil: bool, first: float, goal
     return (total + count, solved) if count >= 0 else (total - count, math.inf)
 
 
+@inlined
+def add_dampers(s: Station, damping: float, jacobian: Array) -> None:
+    """Add a viscous damper at the first contact of each wheel to a Jacobian.
+
+    Args:
+        s: of the pose.
+        damping: of each, weights per m/s.
+        jacobian: (n, n) residual by unknown, one unknown a row; changed.
+    """
+    for i in range(6):
+        for a in range(FREE):
+            for b in range(FREE):
+                drag = s.ways[i, 0, a] * s.ways[i, 0, b] + s.ways[i, 1, a] * s.ways[i, 1, b]
+                jacobian[a, b] -= damping * drag
+
+
 @njit
 def relax(s: Station, rover: Array, law: Law, m: Motion) -> int:
     """Solve the balance on soil by pseudo-transient continuation from m.z.
@@ -220,11 +236,7 @@ def relax(s: Station, rover: Array, law: Law, m: Motion) -> int:
         before = total
         for k in range(EQUATIONS):
             m.step[k] = -m.residual[k]
-        for i in range(6):
-            for a in range(FREE):
-                for b in range(FREE):
-                    drag = s.ways[i, 0, a] * s.ways[i, 0, b] + s.ways[i, 1, a] * s.ways[i, 1, b]
-                    m.jacobian[a, b] -= damping / (6.0 * law.speed) * drag
+        add_dampers(s, damping / (6.0 * law.speed), m.jacobian)
         if it == RELAXATIONS or not (math.isfinite(total) and decompose(m.jacobian, m.order)):
             return -1 - it
         solve_transposed(m.jacobian, m.order, m.step)

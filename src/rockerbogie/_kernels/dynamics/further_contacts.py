@@ -30,6 +30,7 @@ from .equilibrium_motion import (
     RESIDUAL,
     SLIP_SCALE,
     SMOOTHING,
+    add_dampers,
     largest,
 )
 from .further_minima import add_closing, list_minima
@@ -63,9 +64,9 @@ def add_share(
         m: y is read.
         f: (ROW,) filled with the share of the law's row.
         row: (n,) of the Jacobian for the contact's unknown; changed by what does not depend on the wheel's load.
-        further: room holds the wheels' loads; by_total is changed: the change of the forces with the wheel's load at fixed loads.
+        further: total is read; by_total is changed: the change of the forces with the wheel's load at fixed loads of contacts.
     """
-    total, by_total = further.room[i], further.by_total[i]
+    total, by_total = further.total[i], further.by_total[i]
     tabulated(
         law.tables[law.table_of[i]], law.weight, total, rover[P_RADIUS + i], law.rim[i], rate_of(ways[0], m.y),
         rate_of(ways[1], m.y), rate_of(ways[2], m.y), FLOOR * law.speed, law.limit[i], m.scratch, f,
@@ -120,7 +121,7 @@ def residual_with(s: Station, rover: Array, law: Law, sigma: float, span: float,
     """
     residual_at(s, rover, law, True, SLIP_SCALE, sigma, further.z[:EQUATIONS], 0.0, m)
     n = EQUATIONS + further.size[0]
-    r, J, loads = further.residual, further.jacobian[: n * n].reshape(n, n), further.room
+    r, J, loads = further.residual, further.jacobian[: n * n].reshape(n, n), further.total
     copy_numbers(m.residual, r[:EQUATIONS])
     J[:] = 0.0
     for k in range(EQUATIONS):
@@ -196,11 +197,7 @@ def solve_with(s: Station, rover: Array, law: Law, span: float, m: Motion, furth
         before = total
         for k in range(n):
             step[k] = -r[k]
-        for i in range(6):
-            for a in range(FREE):
-                for b in range(FREE):
-                    drag = s.ways[i, 0, a] * s.ways[i, 0, b] + s.ways[i, 1, a] * s.ways[i, 1, b]
-                    J[a, b] -= damping / (6.0 * law.speed) * drag
+        add_dampers(s, damping / (6.0 * law.speed), J)
         if not (math.isfinite(total) and decompose(J, order)):
             return -1
         solve_transposed(J, order, step)

@@ -10,21 +10,21 @@ from numpy.typing import NDArray
 from ..jit.decorators import inlined, njit
 from ..model.ground import Ground
 from ..model.linkage import ROCKER, Z, right_rocker
-from ..model.wheel import COSINE, GAP, HALF, HX, HY, HZ, PLACE, SIN, contact_slope, gap_at, tread_point
+from ..model.wheel import COSINE, GAP, HALF, PLACE, SIN, gap_at
 from ..search.tread import least_gap
 from ..search.workspace import Work
 from ..statics.balance import EQUATIONS, NORMAL, SIDE, TRACTION, contact_columns
 from .balance_residual import Law, Motion
 from .further_state import MOST, WAYS, Further, rate_of
 from .linear import copy_numbers
-from .station import Station, link_column, to_contacts, to_rates
+from .station import Station, link_column, place_contact, to_contacts, to_rates
 
 Array = NDArray[np.float64]
 
 BACK, RISE = 0.1, 1e-9  # share of the way to the first contact, and m by which the gap is larger there
 LINE = 1e-3  # rad: ends of a line across the tread are apart by less
-STRAIGHT = 1e-6  # m: terrain that is convex by less between two contacts is straight
 CLOSING = 1e-6  # of the reference speed: a contact that closes faster than its gap allows by this is added to the balance
+STRAIGHT = 1e-6  # m: terrain that is convex by less between two contacts is straight
 
 
 @njit
@@ -111,11 +111,7 @@ def take_level(ground: Ground, rover: Array, x: float, y: float, level: int, wor
         if level >= further.listed[i]:
             continue
         w, t = work.wheels[i], further.minima[i, level]
-        ox, oy, oz = tread_point(w, t[SIN], t[COSINE], t[PLACE])
-        further.point[i, 0], further.point[i, 1], further.point[i, 2] = w[HX] + ox - x, w[HY] + oy - y, w[HZ] + oz - s.q[Z]
-        gx, gy = contact_slope(grid, meta, w, t[SIN], t[COSINE], t[PLACE])
-        size = math.sqrt(1.0 + gx * gx + gy * gy)
-        further.normal[i, 0], further.normal[i, 1], further.normal[i, 2] = -gx / size, -gy / size, 1.0 / size
+        place_contact(grid, meta, w, t[SIN], t[COSINE], t[PLACE], x, y, s.q[Z], further.point[i], further.normal[i])
     contact_columns(rover, s.q, work.axes, work.pivots, s.wheels, further.point, further.normal, further.columns, further.frame)
 
 

@@ -30,7 +30,8 @@ class Further(NamedTuple):
     columns: Array  # (6, 3, 9) their columns and directions, as those of `Station`
     frame: Array  # (6, 3, 3)
     trial: Array  # (WAYS, 9) ways of one of them
-    room: Array  # (6,) least rate by which a contact of the wheel may close faster, m/s; while solving, its load over the weight
+    room: Array  # (6,) least rate by which a contact of the wheel may close faster, m/s
+    total: Array  # (6,) load of all contacts of a wheel over the weight; 0 without further ones
     by_total: Array  # (6, 9) change of the generalized forces of a wheel's contacts with its load
     ways: Array  # (MOST, WAYS, 9) of the contacts in the balance, by (w, lift rates)
     gap: Array  # (MOST,) m
@@ -48,7 +49,7 @@ class Further(NamedTuple):
 
 
 FURTHER_SIZE = (
-    6 * ROOM * CONTACT_SIZE + 96 + 18 * EQUATIONS + 54 + WAYS * EQUATIONS + MOST * (WAYS * EQUATIONS + 2 + ROW)
+    6 * ROOM * CONTACT_SIZE + 102 + 18 * EQUATIONS + 54 + WAYS * EQUATIONS + MOST * (WAYS * EQUATIONS + 2 + ROW)
     + 3 * UNKNOWNS + UNKNOWNS * UNKNOWNS
 )  # fmt: skip
 FURTHER_INTEGERS = 13 + MOST + UNKNOWNS
@@ -64,8 +65,9 @@ def new_further(buffer: Array, integers: NDArray[np.int64]) -> Further:
     """
     b, k, n = unowned_view(buffer), unowned_view(integers), 6 * ROOM * CONTACT_SIZE
     minima = b[:n].reshape(6, ROOM, CONTACT_SIZE)
-    point, normal, room = b[n : n + 18].reshape(6, 3), b[n + 18 : n + 36].reshape(6, 3), b[n + 36 : n + 42]
-    n += 42
+    point, normal = b[n : n + 18].reshape(6, 3), b[n + 18 : n + 36].reshape(6, 3)
+    room, total = b[n + 36 : n + 42], b[n + 42 : n + 48]
+    n += 48
     by_total = b[n : n + 54].reshape(6, EQUATIONS)
     n += 54
     columns = b[n : n + 18 * EQUATIONS].reshape(6, 3, EQUATIONS)
@@ -84,7 +86,7 @@ def new_further(buffer: Array, integers: NDArray[np.int64]) -> Further:
     n += 2 * UNKNOWNS
     step, jacobian = b[n : n + UNKNOWNS], b[n + UNKNOWNS : n + UNKNOWNS + UNKNOWNS * UNKNOWNS]
     return Further(
-        minima, point, normal, columns, frame, trial, room, by_total, ways, gap, load, force, z, residual, step, jacobian,
+        minima, point, normal, columns, frame, trial, room, total, by_total, ways, gap, load, force, z, residual, step, jacobian,
         k[:1], k[1 : 1 + MOST], k[1 + MOST : 7 + MOST], k[7 + MOST : 13 + MOST], k[13 + MOST : 13 + MOST + UNKNOWNS],
     )  # fmt: skip
 

@@ -31,17 +31,9 @@ RETRIES = 4  # halvings of a step without a solution, where no tolerance is give
 
 @njit
 def runge_kutta(
-    ground: Ground,
-    rover: Array,
-    span: float,
-    command: Array,
-    drive: Drive,
-    work: Work,
-    s: Station,
-    m: Motion,
-    further: Further,
+    ground: Ground, rover: Array, span: float, command: Array, drive: Drive, work: Work, s: Station, m: Motion, further: Further,
     state: State,
-) -> int:
+) -> int:  # fmt: skip
     """Advance one step from the station in `state.kept`, without evaluating its end.
 
     The method is that of Bogacki and Shampine (1989), of order 3, with stages at 0, 1/2 and 3/4 of the step. The motion jumps
@@ -90,17 +82,9 @@ def runge_kutta(
 
 @njit
 def let_down(
-    ground: Ground,
-    rover: Array,
-    span: float,
-    command: Array,
-    drive: Drive,
-    work: Work,
-    s: Station,
-    m: Motion,
-    further: Further,
+    ground: Ground, rover: Array, span: float, command: Array, drive: Drive, work: Work, s: Station, m: Motion, further: Further,
     state: State,
-) -> tuple[int, int, float]:
+) -> tuple[int, int, float]:  # fmt: skip
     """Land all wheels and evaluate the station again.
 
     A wheel off the ground for which no motion balances falls, and faster than the rover moves.
@@ -120,17 +104,9 @@ def let_down(
 
 @njit
 def take_step(
-    ground: Ground,
-    rover: Array,
-    span: float,
-    command: Array,
-    drive: Drive,
-    work: Work,
-    s: Station,
-    m: Motion,
-    further: Further,
+    ground: Ground, rover: Array, span: float, command: Array, drive: Drive, work: Work, s: Station, m: Motion, further: Further,
     state: State,
-) -> tuple[int, int, float]:
+) -> tuple[int, int, float]:  # fmt: skip
     """Advance one step from the station in `state.kept`, and evaluate its end.
 
     Args:
@@ -172,7 +148,8 @@ def predict_batch(
         gravity: m/s².
         torque: (6,) torque limits, N m; inf without a limit.
         tolerance: a step is halved while the error of its energy balance exceeds this share of the work that lifts the rover's
-            weight by the step's length, and the drive ends if they add up; inf: only a step without pose or motion is halved.
+            weight by the step's length, and the drive ends if they add up; inf: a step without pose or
+            motion is halved, at most `RETRIES` times, and on soil a step with an error above `COARSE` too.
         every: steps between records.
         out: (n, records, R_SIZE) filled; NaN after the end of a drive.
         ends: (n, 2) filled with the code of the end and the number of steps done.

@@ -85,6 +85,28 @@ def new_station(buffer: Array, order: NDArray[np.int64]) -> Station:
 
 
 @njit
+def place_contact(
+    grid: Array, meta: Array, w: Array, sine: float, cosine: float, place: float, x: float, y: float, z: float,
+    point: Array, normal: Array,
+) -> None:  # fmt: skip
+    """Fill the place and the normal of a contact.
+
+    Args:
+        grid, meta: terrain.
+        w: (WHEEL_SIZE,) wheel.
+        sine, cosine, place: the contact.
+        x, y, z: m, the body's origin from the map's first node and the datum.
+        point: (3,) filled, m from the body's origin.
+        normal: (3,) filled with the unit normal into the wheel.
+    """
+    ox, oy, oz = tread_point(w, sine, cosine, place)
+    point[0], point[1], point[2] = w[HX] + ox - x, w[HY] + oy - y, w[HZ] + oz - z
+    gx, gy = contact_slope(grid, meta, w, sine, cosine, place)
+    size = math.sqrt(1.0 + gx * gx + gy * gy)
+    normal[0], normal[1], normal[2] = -gx / size, -gy / size, 1.0 / size
+
+
+@njit
 def take_contacts(ground: Ground, x: float, y: float, z: float, raised: Array, work: Work, s: Station) -> None:
     """Fill contact points and normals from the contacts of a settled pose.
 
@@ -106,13 +128,9 @@ def take_contacts(ground: Ground, x: float, y: float, z: float, raised: Array, w
             far = gap_at(grid, meta, w, t[SIN], t[COSINE], -place)
             if max(far, gap_at(grid, meta, w, t[SIN], t[COSINE], 0.0)) <= t[GAP] + FLUSH:
                 place = 0.0
-        ox, oy, oz = tread_point(w, t[SIN], t[COSINE], place)
-        s.point[i, 0], s.point[i, 1], s.point[i, 2] = w[HX] + ox - x, w[HY] + oy - y, w[HZ] + raised[i] + oz - z
-        gx, gy = contact_slope(grid, meta, w, t[SIN], t[COSINE], place)
-        size = math.sqrt(1.0 + gx * gx + gy * gy)
-        s.normal[i, 0], s.normal[i, 1], s.normal[i, 2] = -gx / size, -gy / size, 1.0 / size
         copy_numbers(w[: HALF + 1], s.wheels[i])
         s.wheels[i, HZ] += raised[i]
+        place_contact(grid, meta, s.wheels[i], t[SIN], t[COSINE], place, x, y, z, s.point[i], s.normal[i])
 
 
 @njit
